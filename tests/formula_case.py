@@ -48,7 +48,7 @@ def probe(effect, rows, low=-1e3, high=1e3):
     rows = np.array(rows)
     parameters = tuple(amplitude(effect, -1) for _ in rows)
     ends = np.full(len(rows), low), np.full(len(rows), high)
-    return Probe(effect, parameters, np.ones(len(rows)), tuple(range(len(rows))), rows, *ends)
+    return Probe((effect,), parameters, np.ones(len(rows)), tuple(range(len(rows))), rows, *ends)
 
 
 def explanation(likelihood, parameters, x, jacobian, effects=()):

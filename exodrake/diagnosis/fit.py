@@ -134,7 +134,7 @@ def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One more effect as the linearisation predicts it."""
+    """One more effect, or two, as the linearisation predicts them."""
 
     probe: Probe  # its directions
     factors: np.ndarray  # (directions,) their factors
@@ -246,19 +246,21 @@ def correct_jacobian(here: Explanation, trial: Explanation, expected: np.ndarray
 
 
 def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
-    """One more effect beside those of an explanation, two steps from the best of several starts, joint by joint.
+    """One more effect, or two, beside those of an explanation, two steps from the best of several starts by joint.
 
     They are as the linearisation predicts it, less of it, and at the initial amplitudes of the effect.
     """
     machine, probe = likelihood.robot.machine, predicted.probe
-    values = with_effects(known.values, machine, [machine.effect(probe.effect)])
+    values = with_effects(known.values, machine, [machine.effect(i) for i in probe.effects])
     parameters, own = known.parameters + probe.parameters, probe.coordinates(predicted.factors)
     amplitude = np.array([p.amplitude for p in probe.parameters])
     low, high = np.array([p.bounds for p in parameters]).T
     initial = np.array([p.start for p in probe.parameters])
     points = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
     points += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
-    joined = Explanation((*known.effects, probe.effect), parameters, points[0], values, known.residual, known.jacobian)
+    joined = Explanation(
+        (*known.effects, *probe.effects), parameters, points[0], values, known.residual, known.jacobian
+    )
     begun = joined.at_each(likelihood, list(np.clip(points, low, high)))
     groups = Groups.of(likelihood, begun[0])
     best = groups.best(likelihood, begun)
@@ -266,7 +268,7 @@ def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicte
 
 
 def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[Predicted]) -> list[Explanation]:
-    """Fits with one more effect beside those of an explanation, one for each effect that is given.
+    """Fits with one more effect, or two, beside those of an explanation, one for each prediction that is given.
 
     Only those are fitted to the end that have gained half as much as the best one after two steps.
     """

@@ -33,22 +33,36 @@ ELSEWHERE = 0.7  # of the way through its range at which a further parameter is 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A set of directions of one effect that a combination scales together."""
+    """A set of directions of an effect, or of two at once, that a combination scales together."""
 
-    effect: str  # id of the effect
-    parameters: tuple[Parameter, ...]  # fitted parameters of the effect
+    effects: tuple[str, ...]  # their ids
+    parameters: tuple[Parameter, ...]  # fitted parameters of these
     x: np.ndarray  # (parameters,) coordinates of all of them at the probe
     scaled: tuple[int, ...]  # positions in x of the amplitudes that are scaled
-    # positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is
+    # positions of the directions: one for each scaled amplitude, then one for each effect that is taken as it is
     rows: np.ndarray
     low: np.ndarray  # (directions,) range of the factors
     high: np.ndarray
+
+    @property
+    def effect(self) -> str:
+        """Id of its effect, or of its first one."""
+        return self.effects[0]
 
     def coordinates(self, factors: np.ndarray) -> np.ndarray:
         """Coordinates of the effect's parameters for factors of its directions."""
         x = self.x.copy()
         x[list(self.scaled)] *= factors[: len(self.scaled)]
         return x
+
+    def beside(self, other: Probe) -> Probe:
+        """Both at once."""
+        a, b = sorted((self, other), key=lambda probe: not probe.scaled)
+        return Probe(
+            a.effects + b.effects, a.parameters + b.parameters, np.concatenate([a.x, b.x]),
+            (*a.scaled, *(len(a.x) + i for i in b.scaled)), np.concatenate([a.rows, b.rows]),
+            np.concatenate([a.low, b.low]), np.concatenate([a.high, b.high]),
+        )  # fmt: skip
 
     def robots(self, nominal: np.ndarray) -> np.ndarray:
         """Robots (directions, parameters) whose responses are the directions, from one without the effect."""
@@ -142,9 +156,9 @@ def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
     for x in scaled_points(parameters, start, amplitudes):
         ends = np.array([sorted(np.array(parameters[k].bounds) / x[k]) for k in amplitudes])
         rows = np.arange(at, at := at + len(amplitudes))
-        found.append(Probe(effect.id, parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1]))
+        found.append(Probe((effect.id,), parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1]))
     for x in fixed_points(parameters, start, amplitudes):
-        found.append(Probe(effect.id, parameters, x, (), np.array([at]), np.ones(1), np.ones(1)))
+        found.append(Probe((effect.id,), parameters, x, (), np.array([at]), np.ones(1), np.ones(1)))
         at += 1
     return found
 

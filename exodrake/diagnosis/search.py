@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ from exodrake.diagnosis.fit import (
 )
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
-from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.model.effect import Effect
 
@@ -47,6 +48,7 @@ LAW = 0.15  # relative error of a law: that of another simulator or of a machine
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
 FAR = 1.0  # noise variances: a set that leaves more leaves much
 ALL = slice(None)  # logs
+PAIRS = "pairs"  # in the place of an effect's id, where two were tried beside a set
 
 # laws of one kind stand for each other: a set holds one of them at a place
 KINDS = {
@@ -329,10 +331,8 @@ class Search:
         if key:
             promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
             lin = self.linearise_beside(e, alike.union(promising), keep=not place)
-        taken = {kinds[i] for i in key if i in kinds and kinds[i][1] in ONE}
-        barred = self.barred | {i for i, kind in kinds.items() if kind in taken}
-        predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
-        new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
+        predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects)]
+        new = [p for p in predicted if key.union(p.probe.effects) not in self.sets]
         new.sort(key=lambda p: p.probe.effect not in alike)
         fitted += sum(p.probe.effect in alike for p in new)
         self.progress(Stage.FIT, e.name)
@@ -484,17 +484,39 @@ class Search:
                 return best
 
     def look_further(self, best: Fitted, most: int) -> bool:
-        """Try one effect more beside the set that is larger by one and leaves least; whether the best set changed.
+        """Look two effects ahead where the best set leaves much; whether the best set changed.
 
-        Where much is left, effects that a set lacks count as noise of long memory, which hides each step towards them.
+        One effect alone may not raise the evidence: those that a set lacks count as noise of long memory, which hides
+        each step towards them. The pairs are those beside the set, larger by one, that leaves least, and those that
+        leave least by the linear model.
         """
         size, least = len(best.effects), (1.0 - LARGE) * best.excess
-        larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + 1 and self.usable(f)]
-        larger = [f for f in larger if f.excess < least]
-        if size + 2 > most or best.excess <= FAR or not larger:
+        if size + 2 > most or best.excess <= FAR:
             return False
-        self.expand(min(larger, key=lambda f: f.excess).effects)
+        larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + 1 and self.usable(f)]
+        if larger := [f for f in larger if f.excess < least]:
+            self.expand(min(larger, key=lambda f: f.excess).effects)
+        if self.best.effects == best.effects:
+            self.expand_by_pairs(best)
         return self.best.effects != best.effects
+
+    def expand_by_pairs(self, best: Fitted) -> None:
+        """Fit the pairs of effects beside a set that leave least by the linear model."""
+        key, e = best.effects, best.explanation
+        if (key, PAIRS) in self.expanded:
+            return
+        self.expanded.add((key, PAIRS))
+        likelihood = self.likelihood.scaled_to(e.residual)
+        lin = self.linearise_beside(e, [x.id for x in self.effects], keep=True) if key else self.lin
+        found = screen(likelihood, e, lin, lin.kept, pairs=True)
+        new = [p for p in found if self.may_join(key, p.probe.effects) and key.union(p.probe.effects) not in self.sets]
+        self.add(fit_beside(likelihood.for_stage("refine"), e, new[:FITTED]))
+
+    def may_join(self, key: frozenset[str], effects: Iterable[str]) -> bool:
+        """Whether effects may join a set: none is barred, and no two are laws of one kind that exclude each other."""
+        kinds = [(x.block, name_kind(x)) for x in self.effects if x.id in key.union(effects)]
+        alone = [kind for kind in kinds if kind[1] in ONE]
+        return len(alone) == len(set(alone)) and not self.barred.intersection(effects)
 
     def list_sparing(self, best: Fitted, size: int) -> list[Fitted]:
         """Sets of so many effects that spare `SURE` of the tolerances that the best one uses."""
@@ -520,8 +542,10 @@ def finish(likelihood: Likelihood, start: Explanation) -> Fitted:
     return Fitted.at(likelihood, e)
 
 
-def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:
-    """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first.
+def screen(
+    likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray, pairs: bool = False
+) -> list[Predicted]:
+    """Each effect that an explanation lacks, or two, by the best probe, those that lower the cost most first.
 
     kept: (samples,) mask of the samples that count.
     """
@@ -531,10 +555,14 @@ def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.
     model = LinearModel.with_directions(e, columns, lin.directions, blocks, likelihood.memory, kept=kept)
     variance = np.array([v.scale**2 for v in likelihood.views]) / likelihood.memory
     reduced = replace(model, variance=variance).eliminate(len(e.x))
-    best: dict[str, Predicted] = {}
-    for probe in (p for p in lin.probes if p.effect not in e.effects):
+
+    def predict(probe: Probe) -> Predicted:
         at = probe.rows
         factors, change = minimise_bounded(reduced.normal[np.ix_(at, at)], reduced.slope[at], probe.low, probe.high)
-        if probe.effect not in best or -change > best[probe.effect].gain:
-            best[probe.effect] = Predicted(probe, factors, -change, e.x + reduced.others(at, factors))
-    return sorted(best.values(), key=lambda p: -p.gain)
+        return Predicted(probe, factors, -change, e.x + reduced.others(at, factors))
+
+    best: dict[str, Predicted] = {}
+    for found in map(predict, (p for p in lin.probes if p.effect not in e.effects)):
+        best[found.probe.effect] = max(best.get(found.probe.effect, found), found, key=lambda p: p.gain)
+    both = (predict(a.probe.beside(b.probe)) for a, b in combinations(best.values(), 2))
+    return sorted(both if pairs else best.values(), key=lambda p: -p.gain)
