@@ -30,6 +30,13 @@ MIXED = "".join([
     '<joint name="grip" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.1 0 -0.3"/></joint></robot>',
 ])  # fmt: skip
 
+# a bob of 1 kg on a rod [m], with its inertia about its centre [kg m2]
+PENDULUM = """<robot name="p"><link name="base"/>
+<link name="bob"><inertial><origin xyz="0 0 -{0}"/><mass value="1"/><inertia ixx="{1}" iyy="{1}" izz="{1}"/>
+</inertial></link>
+<joint name="pin" type="revolute"><axis xyz="0 1 0"/><parent link="base"/><child link="bob"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
 
 def made(folder: Path, name: str, *options: str) -> exo.Robot:
     """The robot of a machine that the command makes."""

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from arm_folders import CABLE, MIXED, made, plant_of
+from arm_folders import CABLE, MIXED, PENDULUM, made, plant_of
 from command_line import run
 from pydrake.multibody.tree import MultibodyForces_
 
@@ -40,13 +40,6 @@ def test_turning_and_sliding_joints_may_have_cables(arm_folder, tmp_path):
     machine = made(arm_folder, "mixed_cables", "--urdf", path, "--form", "cable").machine
     assert machine.compared == ("joint_position", "motor_position", "motor_effort")
     assert [machine.signal[s].unit for s in ("position", "motor_position")] == ["-", "rad"]
-
-
-PENDULUM = """<robot name="p"><link name="base"/>
-<link name="bob"><inertial><origin xyz="0 0 -{0}"/><mass value="1"/><inertia ixx="{1}" iyy="{1}" izz="{1}"/>
-</inertial></link>
-<joint name="pin" type="revolute"><axis xyz="0 1 0"/><parent link="base"/><child link="bob"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
 def test_tolerances_of_centres_are_of_the_arms_size(arm_folder, tmp_path):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from arm_folders import CABLE, MIXED, made, plant_of
+from arm_folders import CABLE, MIXED, PENDULUM, made, plant_of
 from pydrake.multibody.tree import MultibodyForces_
 from pydrake.systems.analysis import Simulator
 from scipy.ndimage import uniform_filter1d
@@ -15,6 +15,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis import problem
 from exodrake.diagnosis.isolation import affordable, isolate
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.result import CAUSE
 from exodrake.report.diagnosis_html import report_html
 
 ROLES = ("fit", "fit", "holdout")
@@ -36,7 +37,7 @@ def motion(seed, rows, robot):
 def case_of(robot, logs):
     """A case of logs: kind -> (rows, joints)."""
     items = []
-    for k, (role, kinds) in enumerate(zip(ROLES, logs, strict=True)):
+    for k, (role, kinds) in enumerate(zip(ROLES[-len(logs) :], logs, strict=True)):
         joints = robot.machine.axes.joints
         signals = {f"{kind}_{j}": rows[:, i] for kind, rows in kinds.items() for i, j in enumerate(joints)}
         column = {c.kind: robot.machine.signal[c.signal].unit for c in robot.machine.columns}
@@ -182,6 +183,24 @@ def loop_case(robot, path, payload, rows=300):
             "joint_position": shown, "joint_effort": efforts,
         })  # fmt: skip
     return case_of(robot, logs)
+
+
+def test_two_faults_that_hide_each_other_are_found_together(arm_folder, tmp_path):
+    """In 3 s either leaves half of the gap, as noise as long as the motion: neither alone has evidence."""
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM.format(0.3, 0.01))
+    robot = made(arm_folder, "hidden", "--urdf", tmp_path / "pendulum.urdf")
+    logs, rng = [], np.random.default_rng(0)
+    for seed in range(3):
+        q, v, a = motion(seed, 600, robot)
+        efforts = 0.1 * a + 0.3 * 9.81 * np.sin(q) + 0.6 * np.tanh(v / 0.01) + 0.5
+        noisy = efforts + 0.01 * rng.standard_normal(efforts.shape)
+        logs.append({"position": q, "velocity": v, "acceleration": a, "effort": noisy})
+    found = exo.diagnose(case_of(robot, logs[:1] + logs[2:]), robot)
+    causes = {e.id: e for e in found.effects if e.role == CAUSE}
+    assert causes.keys() == {"arm.coulomb_friction", "torque.offset"}
+    for effect, parameter, planted in (("arm.coulomb_friction", "force", 0.6), ("torque.offset", "offset", 0.5)):
+        value = causes[effect].parameters[parameter]
+        assert value.low <= planted <= value.high
 
 
 def test_a_payload_is_named_in_closed_loop(arm_folder, tmp_path):

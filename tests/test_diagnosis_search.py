@@ -114,6 +114,25 @@ def test_joined_directions_predict_as_those_taken_together():
     assert found == pytest.approx({i: together[i].gain for i in "bc"}, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_two_effects_are_predicted_as_by_a_joint_fit_of_both(seed):
+    case = Linear(seed).settled()
+    lin = linearisation(case.known, case.directions, [probe(effect, rows) for effect, rows in PROBES.items()])
+    found = screen(case.likelihood, case.known, lin, lin.kept, pairs=True)
+    assert len(found) == 6 and found[0].probe.effects == ("b", "d")  # the true ones
+    for pair in found:
+        wanted = case.joint([row for effect in pair.probe.effects for row in PROBES[effect]])
+        assert case.cost(pair) == pytest.approx(wanted.cost, rel=1e-4)
+        assert pair.factors == pytest.approx(wanted.x[NOMINAL:], abs=2e-3)
+
+
+def test_of_two_probes_the_one_that_is_taken_as_it_is_stays_so():
+    whole, scaled = replace(probe("a", (0,), 1.0, 1.0), scaled=(), x=np.full(1, 3.0)), probe("b", (1, 2))
+    for both in (whole.beside(scaled), scaled.beside(whole)):
+        assert both.coordinates(np.array([0.5, 2.0, 1.0])).tolist() == [0.5, 2.0, 3.0]
+        assert (both.effects, both.rows.tolist(), both.low[2], both.high[2]) == (("b", "a"), [1, 2, 0], 1.0, 1.0)
+
+
 def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
     """Not one that leaves too much, and no longer than evidence grows."""
     case, calls = Linear(0).settled(), []
