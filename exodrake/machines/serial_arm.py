@@ -164,7 +164,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
         arm_drive.part(3, unit),
     )
     rubbing = tuple(
-        e.id for e in effects_in(unit, parts, ())
+        e.id for e in effects_in(chain, parts, ())
         if e.id.startswith("arm.") and all(law.__module__ == friction.__name__ for law in e.at.values())
     )  # fmt: skip
     kinds = {"position": "position", "position_read": "position", "link_position": "position", "effort_ref": "effort"}
