@@ -30,7 +30,7 @@ def decide(monkeypatch, find, usable=lambda fitted: True, family="friction"):
     sets = {key: SimpleNamespace(effects=key) for key in (BOTH, FRICTION, DRIFT)}
     effects = [SimpleNamespace(id="drift", family=family)]
     search = SimpleNamespace(sets=sets, usable=usable, reduce=lambda effects: None, effects=effects)
-    found = SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=sets[BOTH])
+    found = SimpleNamespace(search=search, best=sets[BOTH])
     best, roles = verdict.drop_refinements(found)
     assert roles.keys() == best.effects
     return best.effects, [*roles.values()]
@@ -75,10 +75,7 @@ def test_of_refinements_that_stand_in_for_each_other_one_is_a_cause(alone, cause
         sets=sets, best_within=sets.__getitem__, left_by_joint=np.atleast_1d,
         effects=load_robot("emps").machine.effects,
     )  # fmt: skip
-    best, found = (
-        SimpleNamespace(effects=frozenset([first, second])),
-        SimpleNamespace(search=search, beside_detections=1.0),
-    )
+    best, found = SimpleNamespace(effects=max(sets, key=len)), SimpleNamespace(search=search, beside_detections=1.0)
     roles = verdict.promote_refinements(found, best, {first: REFINEMENT, second: REFINEMENT})
     assert [i for i, role in roles.items() if role == CAUSE] == cause
 
