@@ -42,6 +42,13 @@ def test_turning_and_sliding_joints_may_have_cables(arm_folder, tmp_path):
     assert [machine.signal[s].unit for s in ("position", "motor_position")] == ["-", "rad"]
 
 
+def test_effects_behind_cables_are_stated_in_units_of_motors_or_of_joints(arm_folder):
+    machine = made(arm_folder, "sliding_cable", "--urdf", "linear_axis", "--form", "cable").machine
+    units = {"encoder.offset": "rad", "link_encoder.offset": "m", "cable.backlash": "m", "cable.lugre": "N m"}
+    assert {i: machine.effect(i).parameters[0].unit for i in units} == units
+    assert next(p.unit for p in machine.effect("cable.lugre").parameters if p.name == "presliding") == "rad"
+
+
 def test_tolerances_of_centres_are_of_the_arms_size(arm_folder, tmp_path):
     """A ball on a rod is as long as the rod and its radius of gyration, sqrt(tr I / 2 m)."""
     for length, wanted in ((0.02, 0.0002), (0.1, 0.0008), (1.0, 0.002)):

@@ -401,10 +401,9 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
         generic = {id(function) for function in effect.at.values()} <= laws
         short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
         if generic and not (stated and stated.parameters == effect.parameters) and short:
-            factor = reach / first.high
-            default = None if first.default is None else first.default * factor
-            low = first.low if first.low > 0.0 else first.low * factor
-            effect = replace(effect, parameters=(replace(first, high=reach, low=low, default=default), *others))
+            wide = first.resize(reach / first.high, first.unit)
+            low = first.low if first.low > 0.0 else wide.low
+            effect = replace(effect, parameters=(replace(wide, high=reach, low=low), *others))
         effects.append(effect)
     widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
     return replace(robot, values=values, machine=widened)

@@ -51,10 +51,16 @@ LIBRARY, PLUGGED = discover()
 
 
 def collect_effects(parts: Iterable[Part]) -> tuple[Effect, ...]:
-    """Effects of these parts, in the order in which they act: those made for their points, and the generic ones."""
+    """Effects of these parts, in the order in which they act: those made for their points, and the generic ones.
+
+    Ranges and units follow from the `scales` of the parts on which an effect acts.
+    """
     parts = tuple(parts)
-    points = set(map_points(parts))
-    own = [effect for effect in LIBRARY.values() if set(effect.at) <= points]
+    points, own = map_points(parts), []
+    for effect in (effect for effect in LIBRARY.values() if set(effect.at) <= set(points)):
+        scales = {unit: one for point in effect.at for unit, one in points[point].scales.items()}
+        parameters = tuple(p.resize(*scales[p.unit]) if p.unit in scales else p for p in effect.parameters)
+        own.append(replace(effect, parameters=parameters))
     return in_order([*own, *(effect for part in parts for effect in generic_effects(part))])
 
 
@@ -79,12 +85,11 @@ def generic_effects(part: Part) -> tuple[Effect, ...]:
             continue
         axis, parameters = own[next(iter(effect.at))].axis, {}
         for p in effect.parameters:
-            size, unit = part.scales.get(p.unit, (1.0, p.unit))
-            ends = {"null": size * p.null, "low": size * p.low, "high": size * p.high}
-            default = None if p.default is None else size * p.default
+            resized = p.resize(*part.scales.get(p.unit, (1.0, p.unit)))
             if p is effect.parameters[0] and effect.id in part.ranges:
-                ends["low"], default, ends["high"] = part.ranges[effect.id]
-            parameters[p.name] = replace(p, unit=unit, axis=axis, default=default, **ends)
+                low, usual, high = part.ranges[effect.id]
+                resized = replace(resized, low=low, default=usual, high=high)
+            parameters[p.name] = replace(resized, axis=axis)
         states = tuple(replace(s, axis=axis, unit=part.scales.get(s.unit, (1.0, s.unit))[1]) for s in effect.states)
         one = for_machine(effect.id, f"{part.name}.{effect.id.split('.')[1]}", names, **parameters)
         found.append(replace(one, states=states))

@@ -24,7 +24,6 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.schema import mapping, number, quote, text
 from exodrake.effects import LIBRARY, collect_effects, friction
-from exodrake.model.effect import Effect, EffectParameter
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
@@ -52,7 +51,9 @@ FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
-OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
+# which is `torque.offset` in inverse dynamics, and what noise of the recorded motion imitates there, since it smooths
+# what follows from that
+INVERSE = ("arm.offset", "torque.low_pass")
 
 # of arms with cables
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
@@ -95,7 +96,8 @@ def make_machine(
     """The machine of an arm of some parts; sensors: column kind -> part; without: ids of effects that it has not."""
     return Machine(
         name=name, axes=Axes((), chain.names), parts=parts, signals=(*given, *inner), columns=columns, frame=frame,
-        inputs=tuple(s.name for s in given), effects=effects_in(chain, parts, without), compared=tuple(sensors),
+        inputs=tuple(s.name for s in given), compared=tuple(sensors),
+        effects=tuple(effect for effect in collect_effects(parts) if effect.id not in without),
         slots=slots if slots == 1 else max(slots, round(np.ceil(frame / TICK))),
         noise=tuple(f"{sensor}.sigma.{j}" for sensor in sensors.values() for j in chain.names),
         resolution=tuple(f"{sensor}.step.{j}" for sensor in sensors.values() for j in chain.names),
@@ -116,7 +118,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     early = {"signal.delay": (-frame, late.initial * frame, late.high * frame)}  # as where the motion is read late
     parts = dynamics.inverse_part(scales(chain, efforts), unit), replace(torque, ranges=early)
     return make_machine(
-        name, chain, frame, parts, {found[-1].kind: "torque"}, CROSSTALK + OFFSET,
+        name, chain, frame, parts, {found[-1].kind: "torque"}, CROSSTALK + INVERSE,
         (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
         segments=(Segment("arm", found[-1].kind),), defaults=chain_values(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
@@ -164,7 +166,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
         arm_drive.part(3, unit),
     )
     rubbing = tuple(
-        e.id for e in effects_in(chain, parts, ())
+        e.id for e in collect_effects(parts)
         if e.id.startswith("arm.") and all(law.__module__ == friction.__name__ for law in e.at.values())
     )  # fmt: skip
     kinds = {"position": "position", "position_read": "position", "link_position": "position", "effort_ref": "effort"}
@@ -230,24 +232,6 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
     joined = (signal, f"noise_{signal}", f"arrival_{signal}", f"{signal}_read")
     ranges = {"signal.gain": COUNTED} if signal.endswith("position") else {}
     return replace(sensor(name, joined, unit[signal], slot, frame, size, count), ranges=ranges)
-
-
-def effects_in(chain: Chain, parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
-    """The effects of the parts but for some, in the units of the joints; ranges of the library scale with the arm."""
-    unit, inertia = units(chain), float(compute_inertias(chain).max()) or 1.0
-    mass = sum(body.mass for body in chain.bodies) / ORDINARY or 1.0
-    own = {
-        TURNS["position"]: (unit["position"], 1.0), TURNS["inertia"]: (unit["inertia"], inertia), "kg": ("kg", mass),
-        "rad/(N m)": (unit["position/effort"], 1.0 / inertia),
-    }  # fmt: skip
-
-    def adapt(p: EffectParameter) -> EffectParameter:
-        name, size = own.get(p.unit, (p.unit, 1.0))
-        default = None if p.default is None else size * p.default
-        return replace(p, unit=name, low=size * p.low, high=size * p.high, default=default)
-
-    kept = (effect for effect in collect_effects(parts) if effect.id not in without)
-    return tuple(replace(effect, parameters=tuple(map(adapt, effect.parameters))) for effect in kept)
 
 
 def shape(robot: Robot) -> Shape:
@@ -383,9 +367,13 @@ def travel(chain: Chain) -> float:
 
 
 def scales(chain: Chain, efforts: np.ndarray) -> dict[str, tuple[float, str]]:
-    """Sizes of the friction of joints, for the generic effects."""
+    """Sizes and units of the effects of joints: ranges of the library are those of an arm of `ORDINARY` mass."""
     unit, force = units(chain), SHARE * float(efforts.max())
+    inertia = float(compute_inertias(chain).max()) or 1.0
+    mass = sum(body.mass for body in chain.bodies) / ORDINARY or 1.0
     return {
+        "rad": (1.0, unit["position"]), "kg": (mass, "kg"), "kg m2": (inertia, unit["inertia"]),
+        "rad/(N m)": (1.0 / inertia, unit["position/effort"]),
         "force": (force, unit["effort"]), "speed": (SPEED, unit["velocity"]),
         "length": (travel(chain), unit["position"]), "force/speed": (force / SPEED, unit["effort/speed"]),
     }  # fmt: skip

@@ -1,8 +1,10 @@
 """Effects: physics that the nominal model leaves out, and their parameters."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from inspect import cleandoc
 
@@ -35,6 +37,12 @@ class EffectParameter:
         logarithmic = self.transform != "linear" and self.low > 0
         middle = (self.low * self.high) ** 0.5 if logarithmic else 0.5 * (self.low + self.high)
         return middle if self.default is None else self.default
+
+    def resize(self, size: float, unit: str) -> EffectParameter:
+        """The same for a machine of another size: all values times `size`, in another unit."""
+        null, low, high = (size * value for value in (self.null, self.low, self.high))
+        default = None if self.default is None else size * self.default
+        return replace(self, unit=unit, null=null, low=low, high=high, default=default)
 
     def wrap(self, value: float) -> float:
         """Value as reports state it: the equivalent one within a period from `low` [unit]."""

@@ -182,7 +182,8 @@ class Part:
     points: tuple[Point, ...] = ()
     group: str = ""
     fills_start: bool = False  # its `start` fills the shared start vectors that those of other parts read
-    scales: Mapping[str, tuple[float, str]] = field(default_factory=dict, hash=False)  # of generic effects: size, unit
+    # unit in the library -> size and unit of an effect here
+    scales: Mapping[str, tuple[float, str]] = field(default_factory=dict, hash=False)
     # library id of a generic effect -> least, usual and largest value of its first parameter here [SI], if others
     ranges: Mapping[str, tuple[float, float, float]] = field(default_factory=dict, hash=False)
 

@@ -178,6 +178,6 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         ),
         scales={
             "force": (friction, "N m"), "speed": (speed, "rad/s"), "force/speed": (friction / speed, "N m s/rad"),
-            "length": (speed, "rad"),
+            "length": (speed, "rad"), "rad": (1.0, unit["position"]),
         },
     )  # fmt: skip
