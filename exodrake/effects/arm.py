@@ -3,7 +3,7 @@
 The motors of a cable-driven arm feel the joints' efforts by the same matrix A as the joints their angles.
 """
 
-from exodrake.effects.signal import DEPTH, cut_dead_zone, delay_samples, mix, scale, shift
+from exodrake.effects.signal import DEPTH, cut_dead_zone, delay_frames, mix, scale, shift
 from exodrake.model.effect import Effect, EffectParameter, per_joint
 from exodrake.model.part import JOINTS, State
 
@@ -18,11 +18,6 @@ def loosen_loop(pretension, share):
     return (1.0 - share) * pretension
 
 
-def delay_reference(value, clock, frames, h0, h1, h2, h3, h4, h5, h6, h7):
-    """Reference of some frames ago, then those remembered: q_ref(n - frames); a part of a frame mixes neighbours."""
-    return delay_samples(value, clock, frames, (h0, h1, h2, h3, h4, h5, h6, h7))
-
-
 ENCODER_OFFSET = Effect(
     id="arm.encoder_offset", summary="zero of a joint's encoder in the wrong place", family="offset",
     signature="efforts of gravity off by a constant angle: a sine of the posture, on this joint and those before it",
@@ -33,7 +28,7 @@ ENCODER_OFFSET = Effect(
 COMMAND_LATENCY = Effect(
     id="arm_drive.latency", summary="references reach the controller late", family="delay",
     signature="position and effort late by one time at every speed, and alike; nothing at rest",
-    source="buses and trajectory interpolators, 1-10 frames; range assumed", at={"arm_drive.referred": delay_reference},
+    source="buses and trajectory interpolators, 1-10 frames; range assumed", at={"arm_drive.referred": delay_frames},
     parameters=(per_joint("frames", "-", null=0.0, low=0.1, high=7.0, default=1.0),), same_meaning=True,
     states=(State("history", JOINTS, DEPTH),), filters=("arm_drive.referred",),
 )  # fmt: skip

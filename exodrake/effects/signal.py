@@ -84,21 +84,20 @@ def low_pass(value, clock, period, time_constant, filtered):
     return after, after
 
 
-def delay_samples(value, clock, samples, history):
-    """Value that many samples ago, then the history that the next sample will see, the newest first.
+def delay_frames(value, clock, frames, h0, h1, h2, h3, h4, h5, h6, h7):
+    """Value of some frames ago, then the samples remembered, the newest first: shown(n) = value(n - frames).
 
-    At most `DEPTH` samples; for a clock that is ahead (< 0) the line through the last two. Before the first sample the
-    value was always the same.
+    Between samples the two neighbours are mixed. At most `DEPTH`; for a clock that is ahead (< 0) the line through the
+    last two. Before the first sample the value was always the same.
     """
-    h0, h1, h2, h3, h4, h5, h6, h7 = history
     if clock == 0.0:
         h0 = h1 = h2 = h3 = h4 = h5 = h6 = h7 = value
     values = value, h0, h1, h2, h3, h4, h5, h6, h7
-    if samples <= 0.0:
-        shown = value - samples * (value - h0)
+    if frames <= 0.0:
+        shown = value - frames * (value - h0)
     else:
-        whole = min(int(samples), DEPTH - 1)
-        part = min(samples - whole, 1.0)
+        whole = min(int(frames), DEPTH - 1)
+        part = min(frames - whole, 1.0)
         shown = (1.0 - part) * values[whole] + part * values[whole + 1]
     return shown, value, h0, h1, h2, h3, h4, h5, h6
 
@@ -108,14 +107,14 @@ def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
 
     shown(n) = value(n - delay / period)          between samples the two neighbours are mixed
     """
-    samples = lateness / period if period > 0.0 else 0.0
-    return delay_samples(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
+    frames = lateness / period if period > 0.0 else 0.0
+    return delay_frames(value, clock, frames, h0, h1, h2, h3, h4, h5, h6, h7)
 
 
 def skew_clock(value, clock, period, skew, h0, h1, h2, h3, h4, h5, h6, h7):
     """Value by a clock that runs fast (> 0) or slow, then the samples remembered: shown(t) = value(t - skew t)."""
-    samples = skew * clock / period if period > 0.0 else 0.0
-    return delay_samples(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
+    frames = skew * clock / period if period > 0.0 else 0.0
+    return delay_frames(value, clock, frames, h0, h1, h2, h3, h4, h5, h6, h7)
 
 
 def slip_skin(angle, slip):
@@ -224,8 +223,8 @@ DELAY = Effect(
 CLOCK_SKEW = Effect(
     id="signal.clock_skew", summary="the sensor's clock runs fast or slow", family="delay",
     signature="reading error proportional to rate and growing along the log",
-    source="1-100 ppm for crystals, far more for a software clock; range assumed", at={"signal.shown": skew_clock},
-    parameters=(EffectParameter("skew", "s/s", null=0.0, low=-5e-3, high=5e-3, default=2e-3),),
+    source="1-100 ppm for crystals, some more for a software clock; range assumed", at={"signal.shown": skew_clock},
+    parameters=(EffectParameter("skew", "s/s", null=0.0, low=-1e-3, high=1e-3, default=5e-4),),
     states=(State("history", width=DEPTH, unit="value"),), filters=("signal.shown",), same_meaning=True,
 )  # fmt: skip
 QUANTISATION = Effect(

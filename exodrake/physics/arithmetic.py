@@ -1,4 +1,4 @@
-"""Arithmetic that several parts share: rounding, dry friction, and vectors and matrices of three.
+"""Arithmetic that several parts share: rounding, dry friction, histories, and vectors and matrices of three.
 
 Vectors are tuples of floats, which numba keeps in registers.
 """
@@ -16,6 +16,13 @@ def round_to(value, step):
 def brake_dry(speed, loss):
     """Speed after dry friction took `loss` from it, which never turns motion round."""
     return speed - loss if speed > loss else speed + loss if speed < -loss else 0.0
+
+
+def remember(x, first, depth, value):
+    """Put a value before the newest of a history of `depth` values that begins at x[first]."""
+    for k in range(first + depth - 1, first, -1):
+        x[k] = x[k - 1]
+    x[first] = value
 
 
 def add(a, b):

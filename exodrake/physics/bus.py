@@ -3,6 +3,7 @@
 import sys
 
 from exodrake.model.part import TENDONS, Output, Part, Point, State, Task, parameter_class
+from exodrake.physics.arithmetic import remember
 
 DEPTH = 12  # commands remembered per wire, the newest first
 
@@ -15,9 +16,7 @@ send = Point("sent", TENDONS, "command, history, first, passed, step, held, arri
 
 def write(x, z, n, e, j, speed_cmd, packet_arrival):
     """The bus writes to drive j; signal [m/s], uniform draws."""
-    for k in range(DEPTH - 1, 0, -1):
-        x[DEPTH * j + k] = x[DEPTH * j + k - 1]
-    x[DEPTH * j] = speed_cmd[j]
+    remember(x, DEPTH * j, DEPTH, speed_cmd[j])
     applied = 3 * DEPTH + j
     x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, 0.0, 1.0, x[applied], packet_arrival[j], packet_arrival[0])
 

@@ -8,9 +8,10 @@ import sys
 from dataclasses import replace
 
 from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
+from exodrake.physics.arithmetic import remember
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
-STARTED, TICKS, LENGTH = -3, -2, -1  # places of the last states
+TICKS, LENGTH = -2, -1  # places of the last states: of the frame so far, and of one frame, from the first command on
 
 send = Point("sent", JOINTS, "command, history, first, passed, step, applied, packet_arrival, frame_arrival",
              "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
@@ -21,14 +22,12 @@ send = Point("sent", JOINTS, "command, history, first, passed, step, applied, pa
 
 def take(x, z, n, e, angle_ref, angle_start):
     """One command for every joint; signals [rad]. Before the first one the robot stood there."""
-    joints = angle_ref.shape[0]
+    joints, times = angle_ref.shape[0], 1 if x[LENGTH] > 0.0 else DEPTH
     x[LENGTH], x[TICKS] = max(x[TICKS], 1.0), 0.0
     for j in range(joints):
-        for k in range(DEPTH - 1, 0, -1):
-            x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[STARTED] > 0.0 else angle_ref[j]
-        x[DEPTH * j] = angle_ref[j]
+        for _ in range(times):
+            remember(x, DEPTH * j, DEPTH, angle_ref[j])
         x[(DEPTH + 1) * joints + j] = angle_start[j]
-    x[STARTED] = 1.0
     give(x, z, e, joints)
 
 
@@ -41,7 +40,7 @@ def give(x, z, e, joints):
 
 def hold(x, z, n, e, dt, angle_ref):
     """The same in each tick, whose number in a frame is that of the frame before."""
-    if x[STARTED] > 0.0:
+    if x[LENGTH] > 0.0:
         x[TICKS] += 1.0
         give(x, z, e, angle_ref.shape[0])
 
@@ -58,10 +57,10 @@ PART = Part(
     name="command", module=sys.modules[__name__], parameters=parameter_class(),
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
-        State("setting", JOINTS, unit="rad"), State("started", SCALAR), State("ticks", SCALAR), State("length", SCALAR),
+        State("setting", JOINTS, unit="rad"), State("ticks", SCALAR), State("length", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
-    outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
+    outputs=(Output.of_states(held="command", origin="origin", setting="setting", length="ready"),),
     points=(send,), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))
