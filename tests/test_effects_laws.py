@@ -86,8 +86,9 @@ LAWS = [
     (servo.half_width, (pi, 0.3, 0.17), 0.3 * exp(0.17 * pi)),  # round a capstan
     (servo.drop_voltage, (7.4, 0.8, 2.0, 2.75, 0.5), (7.4 + 0.5 * 0.8 * 2.0 / 2.75) / (1.0 + 0.5 * 0.64 / 2.75)),
     (friction.brake_by_load, (1.0, 0.1, -2.0, 0.25), 0.95),
-    (servo.brake_by_shared_load, (1.0, 0.1, 0.5, 2.0, 0.4), 0.99),
-    (servo.brake_by_shared_load, (1.0, 0.1, 0.5, -2.0, 0.4), 1.0),
+    (servo.brake_by_shared_load, (1.0, 0.1, 2.5, 2.0, 0.4), 0.99),  # motor 0.5, load 2 against it
+    (servo.brake_by_shared_load, (1.0, 0.1, 2.5, 0.5, 0.4), 0.99),
+    (servo.brake_by_shared_load, (1.0, 0.1, 1.5, -2.0, 0.4), 1.0),
 ]  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Servos with motor, gear and supply: closed forms, an integrator of scipy's, energy, and friction that is found."""
 
 import warnings
-from math import cos, pi, sin, sqrt
+from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from exodrake.analysis.robustness import assess_answer
 from exodrake.analysis.tuning import find_rough
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import make_problem
+from exodrake.effects import LIBRARY
 from exodrake.physics import servo
 
 KT, R, VOLTS = 1.3, 2.75, 7.4  # N m/A, V/A, V
@@ -106,6 +107,19 @@ def test_dry_friction_holds_what_is_smaller():
     assert np.all(held[:, 0] == 0.01) and STIFFNESS * 0.01 < 0.3
     speed = simulate_joint(lambda t: 100.0, 1.0, dry_friction=0.3)[-1, 1]
     assert speed == pytest.approx((VOLTS - 0.3 * R / KT) / KT, rel=1e-4)
+
+
+def test_friction_by_load_holds_a_weight_between_what_lifts_and_what_lowers_it(monkeypatch):
+    """Friction c |motor - weight|, both of one sign in what the gear carries: M3 of Duclusaud et al., ICRA 2025.
+
+    A motor that lifts a weight W carries W (1 + c) / (1 - c) where it comes to rest, one that lowers it the inverse.
+    """
+    c, law = 0.2, LIBRARY["sliding.load_friction"].at["sliding.braked"]
+    monkeypatch.setattr(servo, "brake_rotor", lambda e, z, j, v, per, load, opposed: law(v, per, load, c))
+    for start, factor in ((0.2, (1.0 + c) / (1.0 - c)), (1.4, (1.0 - c) / (1.0 + c))):
+        slow = simulate_joint(lambda t, start=start: 0.8 + (start - 0.8) * exp(-2.0 * t), 6.0, start=start, moment=0.5)
+        angle = slow[-1, 0]
+        assert STIFFNESS * (0.8 - angle) == pytest.approx(0.5 * sin(angle) * factor, rel=0.01)
 
 
 def test_play_of_the_gear_lets_the_load_hang_at_its_edge(monkeypatch):

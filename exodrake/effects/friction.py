@@ -153,9 +153,10 @@ COULOMB_FRICTION = Effect(
     parameters=(EffectParameter("force", "force", null=0.0, low=0.13, high=4.0, default=1.0),),
 )  # fmt: skip
 LOAD_FRICTION = Effect(
-    id="sliding.load_friction", summary="dry friction proportional to the drive's force", family="friction",
+    id="sliding.load_friction", summary="dry friction proportional to the force on the drive", family="friction",
     signature="the drive needs more force in proportion to the force it gives, accelerating as braking",
-    source="gear and screw efficiency 0.5-0.98; Duclusaud et al., ICRA 2025 (load-dependent friction of servos)",
+    source="gear and screw efficiency 0.5-0.98; Duclusaud et al., ICRA 2025 (Rhoban/bam M3, M4: of servos, whose gears "
+    "carry motor and load)",
     at={"sliding.braked": brake_by_load},
     parameters=(EffectParameter("coefficient", "-", null=0.0, low=0.02, high=0.6, default=0.15),),
 )  # fmt: skip

@@ -141,7 +141,7 @@ def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
 
     q' after the tick = q' - sgn(q') min(|q'|, coefficient T^2 dt / J)          T = min(|tau|, tau_load against tau)
     """
-    both = min(load, max(opposed, 0.0))
+    both = min(load - opposed, opposed) if opposed > 0.0 else 0.0
     return brake_dry(speed, coefficient * both * both * mobility)
 
 

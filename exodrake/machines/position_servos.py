@@ -142,13 +142,14 @@ FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale wi
 TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed
 FASTEST = replace(LIBRARY["joint.speed_limit"].parameters[0], high=10.0, default=2.0)
 AT_REFERENCE = {"joint.followed": "servo.firmware_reference"}
-# laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one
+# laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one,
+# the loop of a servo reads by the same sensor, so that play before it is play of the gear
 OF_COMMANDS = (
     for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
     for_machine("joint.lag", "servo.lag", AT_REFERENCE),
     for_machine("joint.speed_limit", "servo.speed_limit", AT_REFERENCE, speed=FASTEST),
 )
-LEFT_OUT = ("reading.delay", "reading.crosstalk")
+LEFT_OUT = tuple(f"reading.{law}" for law in ("delay", "crosstalk", "backlash", "dead_zone", "hysteresis"))
 
 
 def motor_machine(

@@ -45,8 +45,8 @@ push_rotor = Point("pushed", JOINTS, "torque, speed", "torque on the rotor [N m]
                    standard="sliding.pushed")  # fmt: skip
 brake_rotor = Point("braked", JOINTS, "speed, mobility, load, opposed",
                     "speed of the rotor [rad/s] after dry friction; mobility: speed per torque in this tick; load: "
-                    "|torque of the motor| [N m]; opposed: torque of the load against that of the motor [N m], < 0 "
-                    "where it helps", standard="sliding.braked")  # fmt: skip
+                    "torque that the gear carries, of motor and load [N m]; opposed: torque of the load against that "
+                    "of the motor [N m], < 0 where it helps", standard="sliding.braked")  # fmt: skip
 settle = Point("settle", JOINTS, "dt, travel", "states of the effects on joint j after dt [s]; travel: rotor's [rad]",
                standard="sliding.settle")  # fmt: skip
 
@@ -95,7 +95,7 @@ def turn(x, z, n, e, j, count, dt):
     free = rotor_speed * decay + mobility * (push_rotor(e, z, j, given, rotor_speed) - external)
     free = brake_dry(free, n.dry_friction[j] * mobility)
     opposed = external if torque > 0.0 else -external
-    after = brake_rotor(e, z, j, free, mobility, abs(torque), opposed)
+    after = brake_rotor(e, z, j, free, mobility, abs(torque + external), opposed)
     x[3 * count + j], x[2 * count + j] = after, rotor + dt * after
     if rigid:
         x[count + j], x[j] = after, rotor + dt * after
