@@ -23,7 +23,6 @@ from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
-from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import random_motion
 from exodrake.simulation.simulate import record, simulate
@@ -57,15 +56,16 @@ def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
     return perf_counter() - begun, found
 
 
-def injected_parameters(machine: Machine) -> tuple[Parameter, ...]:
+def injected_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """Parameters of the effect on the channels that have it."""
-    return tuple(p for p in effect_parameters(machine, machine.effect(EFFECT)) if set(p.channels) <= set(INJECTED))
+    found = effect_parameters(robot, robot.machine.effect(EFFECT))
+    return tuple(p for p in found if set(p.channels) <= set(INJECTED))
 
 
 def explanation(problem: Problem) -> Explanation:
     """The nominal robot with the effect at its initial values, nominal parameters and their Jacobian along with it."""
-    machine, likelihood, nominal = problem.robot.machine, output_error(problem), nominal_parameters(problem.robot)
-    parameters = (*nominal, *injected_parameters(machine))
+    likelihood, nominal = output_error(problem), nominal_parameters(problem.robot)
+    parameters = (*nominal, *injected_parameters(problem.robot))
     start, values = np.array([p.start for p in parameters]), problem.silent()
     (residual,) = likelihood.residual(values[None])
     bare = Explanation((), nominal, np.zeros(len(nominal)), values, residual, np.zeros((len(nominal), 0)))
@@ -105,7 +105,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     nominal = load_robot()
     case = rubbing(nominal, seconds)
     problem = make_problem(case, nominal)
-    parameters = injected_parameters(nominal.machine)
+    parameters = injected_parameters(nominal)
     by_compiled, by_diagram = (partial(f, problem, parameters) for f in (compiled_residual, diagram_residual))
     fits = {
         "ours, errors of the nominal parameters along with it": partial(ours, problem),

@@ -81,7 +81,7 @@ def test_injected_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     problem = friction_problem()
     machine, likelihood, values = problem.robot.machine, output_error(problem), problem.silent()
     nominals = nominal_parameters(problem.robot)[:6]
-    parameters = (*nominals, *effect_parameters(machine, machine.effect("tendon.capstan_friction")))
+    parameters = (*nominals, *effect_parameters(problem.robot, machine.effect("tendon.capstan_friction")))
     x = np.array([p.start for p in parameters])
     (residual,) = likelihood.residual(values[None])
     start = Explanation((), nominals, np.zeros(6), values, residual, np.zeros((6, 0)))
@@ -116,7 +116,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def parameters(problem):
-    return bench.injected_parameters(problem.robot.machine)
+    return bench.injected_parameters(problem.robot)
 
 
 def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, parameters):

@@ -148,13 +148,13 @@ def machine():
 
 
 def fitted(machine, effect, x, std):
-    parameters = effect_parameters(machine, machine.effect(effect))
+    parameters = effect_parameters(load_robot(), machine.effect(effect))
     covariance = np.diag(np.square(np.broadcast_to(std, len(parameters))))
     return Estimates(parameters, np.array(x, dtype=float), covariance, np.ones(len(parameters)))
 
 
 def test_intervals_of_normal_estimates_cover_as_often_as_they_say(machine):
-    parameter = replace(effect_parameters(machine, machine.effect("mocap.gain"))[0])
+    parameter = replace(effect_parameters(load_robot(), machine.effect("mocap.gain"))[0])
     rng, truth, std = np.random.default_rng(0), 0.05, 0.02
     found = [interval(parameter, truth + std * rng.standard_normal(), std, "-") for _ in range(2000)]
     assert np.mean([item.low <= truth <= item.high for item in found]) == pytest.approx(0.9, abs=0.025)
@@ -255,7 +255,7 @@ def test_pooled_value_of_channels_that_differ_has_the_error_of_its_draws(between
 
 def test_error_of_a_law_is_a_share_of_what_the_effect_does(machine):
     """A loop that is 10 % slower is known to 8 % of these 10 %, and one that is not slower does not exist."""
-    parameter = effect_parameters(machine, machine.effect("motor.slow_velocity_loop"))[0]
+    parameter = effect_parameters(load_robot(), machine.effect("motor.slow_velocity_loop"))[0]
     x = parameter.coordinate(0.9)
     found = interval(parameter, x, 0.0, "-", LAW_STD)
     assert np.log([found.low, found.high]) == pytest.approx(x + NORMAL_90 * LAW_STD * x * np.array([1.0, -1.0]))
@@ -263,7 +263,7 @@ def test_error_of_a_law_is_a_share_of_what_the_effect_does(machine):
 
 def test_pitch_is_reported_near_palm_down_or_palm_up(machine):
     effect = machine.effect("finger.gravity")
-    parameters = effect_parameters(machine, effect)
+    parameters = effect_parameters(load_robot(), effect)
     at = next(i for i, p in enumerate(parameters) if p.name == "finger.gravity.pitch")
     for stated, value in ((-0.2, -0.2), (3.3, 3.3 - 2 * np.pi), (3.0, 3.0)):
         x = [p.start for p in parameters]
@@ -275,7 +275,7 @@ def test_pitch_is_reported_near_palm_down_or_palm_up(machine):
 def test_no_interval_goes_where_a_parameter_has_no_meaning(machine):
     """Friction does not drive a wire on, and a garment more yielding than none at all would push."""
     for effect, unknown in (("tendon.coulomb_friction", "force"), ("tendon.compliance", "stiffness")):
-        parameter = effect_parameters(machine, machine.effect(effect))[0]
+        parameter = effect_parameters(load_robot(), machine.effect(effect))[0]
         assert parameter.name.endswith(unknown)
         found = interval(parameter, 0.1 * parameter.start, parameter.start, "")
         ends = sorted(parameter.value(b) for b in parameter.bounds)
@@ -293,7 +293,7 @@ def test_no_interval_goes_where_a_parameter_has_no_meaning(machine):
     ],
 )
 def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect, parameter, std):
-    parameters = effect_parameters(machine, machine.effect(effect))
+    parameters = effect_parameters(load_robot(), machine.effect(effect))
     at = next(p for p in parameters if p.name == f"{effect}.{parameter}")
     x = [0.5 if at.transform == "log" else 0.1 if at.amplitude else at.start] * len(parameters)
     found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), machine.axes.tendons)

@@ -18,7 +18,7 @@ LAWS = {
     "relative": lambda base, x: base * (1.0 + x),
     "additive": lambda base, x: base + x,
     "log": lambda base, x: base * math.exp(x),
-    "reciprocal": lambda base, x: 1.0 / x,
+    "reciprocal": lambda base, x: 1.0 / (base + x),
 }
 
 
@@ -42,9 +42,9 @@ def test_nominal_parameters_start_from_the_robots_values(robot):
 @pytest.mark.parametrize("name", machine_folders())
 def test_effects_at_null_coordinates_leave_the_robot_as_it_is(name):
     """x = 0 of an amplitude is its null value, and lies within the bounds of the fit, as the start does."""
-    machine = load_robot(name).machine
-    for effect in machine.effects:
-        parameters = effect_parameters(machine, effect)
+    robot = load_robot(name)
+    for effect in robot.machine.effects:
+        parameters = effect_parameters(robot, effect)
         assert parameters, effect.id
         for p in parameters:
             low, high = p.bounds
@@ -97,7 +97,7 @@ def test_a_direction_is_taken_where_its_response_is_as_large_as_the_gap(problem)
     """Of a little slack a direction of the usual size has another shape."""
     machine, values, likelihood = problem.robot.machine, problem.silent(), output_error(problem)
     effect = machine.effect("tendon.slack")
-    parameters = effect_parameters(machine, effect)
+    parameters = effect_parameters(problem.robot, effect)
     x = np.array([0.05 * p.start if p.channels == ("MF",) else 0.0 for p in parameters])
     residual, planted = likelihood.residual(np.array([values, apply(values, parameters, x)]))
     gap = planted - residual
@@ -167,8 +167,8 @@ def test_probes_stay_within_the_bounds_of_a_fit(problem):
     ],
 )
 def test_shapes_of_a_law_are_tried_at_two_places_on_any_machine(machine, effect, shapes):
-    known = load_robot(machine).machine
-    parameters = effect_parameters(known, known.effect(effect))
+    robot = load_robot(machine)
+    parameters = effect_parameters(robot, robot.machine.effect(effect))
     amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
     points = scaled_points(parameters, np.array([p.start for p in parameters]), amplitudes)
     moved = {i for x in points[1:] for i in np.flatnonzero(x != points[0])}

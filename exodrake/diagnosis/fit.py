@@ -296,11 +296,10 @@ def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = Non
 
 
 def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:
-    """An explanation with one effect at its null value, not yet fitted again."""
-    machine = likelihood.robot.machine
-    lead = machine.effect(effect).parameters[0]
-    values = e.values.copy()
-    values[list(machine.effect_indices(effect, lead.name).values())] = lead.null
+    """An explanation with one effect as the nominal robot has it, not yet fitted again."""
+    machine, values = likelihood.robot.machine, e.values.copy()
+    at = list(machine.effect_indices(effect, machine.effect(effect).parameters[0].name).values())
+    values[at] = likelihood.robot.values[at]
     kept = [i for i, p in enumerate(e.parameters) if p.effect != effect]
     effects, parameters = tuple(i for i in e.effects if i != effect), tuple(e.parameters[i] for i in kept)
     return replace(e, effects=effects, parameters=parameters, values=values).at(likelihood, e.x[kept])

@@ -91,9 +91,9 @@ class Linearisation:
 
 
 def with_effects(values: np.ndarray, machine: Machine, effects: Iterable[Effect]) -> np.ndarray:
-    """Flat parameter vector with the parameters of some effects set that a fit leaves alone."""
+    """Flat parameter vector with the parameters of some effects set that a fit leaves alone; not of present ones."""
     out = values.copy()
-    for effect in effects:
+    for effect in (e for e in effects if not machine.has_effect(values, e)):
         for info in (p for p in effect.parameters if not p.fitted):
             out[[*machine.effect_indices(effect.id, info.name).values()]] = info.initial
     return out
@@ -147,7 +147,7 @@ def nominal_jacobian(likelihood: Likelihood, e: Explanation, wanted: np.ndarray 
 
 def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
     """Probes of an effect; `at`: first free direction."""
-    parameters = effect_parameters(problem.robot.machine, effect)
+    parameters = effect_parameters(problem.robot, effect)
     if effect.id in problem.counted:
         known = problem.counted[effect.id]
         parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)

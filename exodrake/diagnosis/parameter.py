@@ -1,10 +1,10 @@
 """Fitted parameters: coordinates that move entries of a robot's flat parameter vector.
 
     relative    value = base (1 + x)          additive     value = base + x
-    log         value = base exp(x)           reciprocal   value = 1 / x, infinite at x = 0
+    log         value = base exp(x)           reciprocal   value = 1 / (base + x), infinite where that is 0
 
-A nominal parameter has a normal prior, its tolerance; a parameter of an effect has a range. x = 0 is the nominal robot
-without the effect.
+A nominal parameter has a normal prior, its tolerance; a parameter of an effect has a range. x = 0 is the nominal robot:
+without the effect, or with as much of it as its robot file has.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.model.effect import Effect
-from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot, list_tolerances, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
@@ -38,7 +37,8 @@ class Parameter:
     bounds: tuple[float, float]  # range of x
     effect: str = ""  # id of the effect that it belongs to; empty for a nominal parameter
     channels: tuple[str, ...] = ()  # tendons or joints that it acts on
-    amplitude: bool = False  # whether x = 0 removes the effect from its channels
+    amplitude: bool = False  # whether x = 0 leaves its channels as the nominal robot has them
+    absent: float = 0.0  # of an amplitude, x at which its channels are without the effect
     start: float = 0.0  # x at which a fit begins
     along: tuple[float, ...] = ()  # change of each position by x = 1 [its unit] where it moves several; else empty
 
@@ -54,15 +54,23 @@ class Parameter:
         """Value of the parameter at x [its unit]; base: value at x = 0, its own if None."""
         base = self.base if base is None else base
         if self.transform == "reciprocal":
-            return math.inf if x <= NONE * self.bounds[1] else 1.0 / x
+            return math.inf if base + x <= NONE * self.bounds[1] else 1.0 / (base + x)
         if self.transform == "log":
             return base * math.exp(x)
         return base + x if self.transform == "additive" else base * (1.0 + x)
 
+    def beside(self, present: float) -> Parameter:
+        """The amplitude of an effect as a change of what the nominal robot has of it [unit of the parameter]."""
+        x = self.coordinate(present)
+        low, high = self.bounds[0] - x, self.bounds[1] - x
+        start = self.start if self.start <= high or abs(low) < high else -self.start
+        base = self.base + x if self.transform == "reciprocal" else present
+        return replace(self, base=base, absent=-x, start=start, bounds=(min(low, start, 0.0), max(high, start, 0.0)))
+
     def coordinate(self, value: float) -> float:
         """Coordinate x of a value [unit of the parameter]."""
         if self.transform == "reciprocal":
-            return 0.0 if math.isinf(value) else 1.0 / value
+            return (0.0 if math.isinf(value) else 1.0 / value) - self.base
         if self.transform == "log":
             return math.log(value / self.base)
         return value - self.base if self.transform == "additive" else value / self.base - 1.0
@@ -91,18 +99,21 @@ def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-def effect_parameters(machine: Machine, effect: Effect) -> tuple[Parameter, ...]:
-    """The fitted parameters of an effect: an amplitude for each channel, and common further parameters."""
+def effect_parameters(robot: Robot, effect: Effect) -> tuple[Parameter, ...]:
+    """The fitted parameters of an effect: an amplitude for each channel, and common further parameters.
+
+    robot: the nominal one. Of an effect that it has, an amplitude is a change, and further ones begin where they are.
+    """
     lead = next((p for p in effect.parameters if p.fitted), effect.parameters[0])
-    found = []
+    found, present = [], robot.machine.has_effect(robot.values, effect)
     for k, info in enumerate(effect.parameters):
         if not info.fitted:
             continue
-        index = machine.effect_indices(effect.id, info.name)
+        index = robot.machine.effect_indices(effect.id, info.name)
         groups = [(channel,) for channel in index] if k == 0 or info is lead else [tuple(index)]
         transform, amplitude = {"linear": "additive"}.get(info.transform, info.transform), k == 0
         base = info.null if amplitude and transform != "reciprocal" else 1.0 if transform == "log" else 0.0
-        plain = Parameter("", (), transform, base, math.inf, (0.0, 0.0))
+        plain = Parameter(f"{effect.id}.{info.name}", (), transform, base, math.inf, (0.0, 0.0), effect.id)
         low, high = sorted((plain.coordinate(info.low), plain.coordinate(info.high)))
         if transform == "log":
             low, high = low - math.log(RANGE_FACTOR), high + math.log(RANGE_FACTOR) * (high > 0.0 or not amplitude)
@@ -110,13 +121,13 @@ def effect_parameters(machine: Machine, effect: Effect) -> tuple[Parameter, ...]
             low, high = low * RANGE_FACTOR, high * RANGE_FACTOR
         if amplitude:  # 0 where the effect is absent
             low, high = min(0.0, low), max(0.0, high)
-        plain = replace(
-            plain,
-            name=f"{effect.id}.{info.name}",
-            bounds=(low - info.period, high + info.period),
-            effect=effect.id,
-            amplitude=amplitude,
-            start=plain.coordinate(info.initial),
-        )
-        found += [replace(plain, index=tuple(index[c] for c in group), channels=group) for group in groups]
+        bounds, start = (low - info.period, high + info.period), plain.coordinate(info.initial)
+        for group in groups:
+            one = replace(plain, index=tuple(index[c] for c in group), channels=group, bounds=bounds, start=start)
+            here = float(robot.values[one.index[0]])
+            if amplitude:
+                one = replace(one, amplitude=True).beside(here) if present else replace(one, amplitude=True)
+            elif present:
+                one = replace(one, start=min(max(one.coordinate(here), bounds[0]), bounds[1]))
+            found.append(one)
     return tuple(found)

@@ -144,7 +144,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     likelihood, found = replace(likelihood, views=likelihood.views[:1]), list[Explanation]()
     own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in nominal_parameters(problem.robot))
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
-        parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
+        parameters = (*own, *(p for effect in laws for p in effect_parameters(problem.robot, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
         values = with_effects(problem.silent(), machine, laws)
         none = np.zeros((len(own), 0))

@@ -17,6 +17,8 @@ from exodrake.model.effect import Effect
 from exodrake.model.part import Axes, Delay, Part, Signal, State, Task, map_points, module_name, part_modules
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from exodrake.model.mechanism import Mechanism, Shape, Skeleton
     from exodrake.model.robot import Robot
 
@@ -371,6 +373,11 @@ class Machine:
         """Index in the flat vector of each channel of an effect's parameter; "" for one without channels."""
         axis = next(p.axis for p in self.effect(identity).parameters if p.name == parameter)
         return {channel: self.index[full_name(identity, parameter, channel)] for channel in self.axes.of(axis)}
+
+    def has_effect(self, values: np.ndarray, effect: Effect) -> bool:
+        """Whether an effect is present in a flat vector (parameters,), on some channel at least."""
+        first = effect.parameters[0]
+        return any(values[i] != first.null for i in self.effect_indices(effect.id, first.name).values())
 
     def effect(self, identity: str) -> Effect:
         """The effect of that id; raises InputError with the nearest ids."""

@@ -229,12 +229,8 @@ class Robot:
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
-        found = {}
-        for effect in self.machine.effects:
-            values, first = self.effect_values(effect), effect.parameters[0]
-            if any(value != first.null for value in values[first.name].values()):
-                found[effect.id] = values
-        return found
+        present = (e for e in self.machine.effects if self.machine.has_effect(self.values, e))
+        return {effect.id: self.effect_values(effect) for effect in present}
 
     def effect_values(self, effect: Effect) -> dict[str, dict[str, float]]:
         """Parameters of an effect, present or not: parameter -> channel -> value [SI]."""

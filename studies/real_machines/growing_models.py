@@ -54,7 +54,7 @@ def extended(likelihood: Likelihood, point: Explanation, identity: str) -> Expla
     """The best fit with one more effect, from several starts."""
     machine = likelihood.robot.machine
     effect = machine.effect(identity)
-    extra = effect_parameters(machine, effect)
+    extra = effect_parameters(likelihood.robot, effect)
     values, parameters = with_effects(point.values, machine, [effect]), (*point.parameters, *extra)
     joined = replace(point, effects=(*point.effects, identity), parameters=parameters, values=values)
     low, high = np.array([p.bounds for p in parameters]).T

@@ -149,7 +149,7 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     """A tremor as the cause of a peak: torques by non-negative least squares on the powers of the columns."""
     from scipy.optimize import nnls
 
-    parameters = effect_parameters(problem.robot.machine, effect)
+    parameters = effect_parameters(problem.robot, effect)
     joints = [i for i, p in enumerate(parameters) if p.amplitude]
     x = np.array([p.start if p.amplitude else p.coordinate(peak.frequency) for p in parameters])
     alone = np.tile(x, (len(joints), 1))  # a robot for each joint that trembles alone
