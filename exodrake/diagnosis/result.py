@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 NO_GAP, RETUNE, NAMED, AMBIGUOUS = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS"
 PARTLY, UNKNOWN = "PARTLY", "UNKNOWN"
 CAUSE, REFINEMENT = "cause", "refinement"
+TOO_LITTLE = "but the logs tell too little to say so"  # in a reason of UNKNOWN where a set of effects may be chance
 NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
 
 

@@ -57,7 +57,8 @@ KINDS = {
     "viscous_friction": "viscous friction", "direction": "viscous friction",
     "capstan_friction": "load-dependent friction", "load_friction": "load-dependent friction",
     "sheath_friction": "load-dependent friction", "gear_efficiency": "load-dependent friction",
-    "pulley_friction": "load-dependent friction", "clock_skew": "clock skew", "mocap_clock_skew": "clock skew",
+    "pulley_friction": "load-dependent friction", "backdriving_friction": "load-dependent friction",
+    "quadratic_friction": "load-dependent friction", "clock_skew": "clock skew", "mocap_clock_skew": "clock skew",
 }  # fmt: skip
 ONE = ("dry friction", "load-dependent friction")  # kinds whose laws exclude each other
 # errors of a sensor that imitate causes
@@ -224,7 +225,8 @@ class Search:
         e = fitted.explanation
         low, high = e.bounds
         small, lead = 1e-6 * (high - low), np.array([p.amplitude for p in e.parameters], dtype=bool)
-        ended = (high > low) & (((e.x <= low + small) & (low != 0.0)) | ((e.x >= high - small) & (high != 0.0)))
+        none = np.array([p.absent for p in e.parameters])
+        ended = (high > low) & (((e.x <= low + small) & (low != none)) | ((e.x >= high - small) & (high != none)))
         return not (ended & lead).any() and not fitted.effects & self.barred
 
     def best_within(self, key: frozenset[str]) -> Fitted:
@@ -272,12 +274,12 @@ class Search:
     def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
 
-        One effect more is one choice among all that the machine has, and no more as likely without it. It takes up
-        `GAIN` of what is left over the whole logs, in one joint at least where joints are separate.
+        Each effect more is one choice among all that the machine has, and the other set is no more as likely. It takes
+        up `GAIN` of what is left over the whole logs, in one joint at least where joints are separate.
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
-        price = more * (np.log(len(self.likelihood.robot.machine.effects)) + NATS)
+        price = more * np.log(len(self.likelihood.robot.machine.effects)) + np.sign(more) * NATS
         if self.evidence(a, memory) - self.evidence(b, memory) <= price:
             return False
         return more <= 0 or bool(np.any(self.left_by_joint(a) < (1.0 - GAIN) ** more * self.left_by_joint(b)))
@@ -286,7 +288,7 @@ class Search:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""
         memory = memory or self.likelihood.memory
         if (fitted, memory) not in self.known:
-            self.known[fitted, memory] = replace(fitted.model, memory=memory).evidence()
+            self.known[fitted, memory] = fitted.model.evidence(memory)
         return self.known[fitted, memory]
 
     def add(self, found: Iterable[Explanation]) -> None:
@@ -488,17 +490,25 @@ class Search:
 
         One effect alone may not raise the evidence: those that a set lacks count as noise of long memory, which hides
         each step towards them. The pairs are those beside the set, larger by one, that leaves least, and those that
-        leave least by the linear model.
+        leave least by the linear model, with a third effect beside the best of them.
         """
-        size, least = len(best.effects), (1.0 - LARGE) * best.excess
+        size = len(best.effects)
         if size + 2 > most or best.excess <= FAR:
             return False
-        larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + 1 and self.usable(f)]
-        larger = [f for f in larger if f.excess < least]
-        if size and larger:
-            self.expand(min(larger, key=lambda f: f.excess).effects)
+
+        def expand_larger(more: int, share: float) -> None:
+            """Expand the set, larger by so many effects, that leaves least, if it leaves less than a share."""
+            larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + more and self.usable(f)]
+            least = min(larger, key=lambda f: f.excess, default=best)
+            if self.best.effects == best.effects and least.excess < share * best.excess:
+                self.expand(least.effects)
+
+        if size:
+            expand_larger(1, 1.0 - LARGE)
         if self.best.effects == best.effects:
             self.expand_by_pairs(best)
+        if size + 2 < most:
+            expand_larger(2, HALF)
         return self.best.effects != best.effects
 
     def expand_by_pairs(self, best: Fitted) -> None:

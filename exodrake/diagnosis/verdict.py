@@ -30,12 +30,14 @@ from exodrake.diagnosis.result import (
     PARTLY,
     REFINEMENT,
     RETUNE,
+    TOO_LITTLE,
     UNKNOWN,
     Interval,
     Moved,
     Rival,
 )
 from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, is_memory, screen
+from exodrake.model.display import percent
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -106,14 +108,18 @@ def decide(found: Isolation) -> Decision:
     causes, explained = [p for p in parts if p.role == CAUSE], 1.0 - float(left[0])
     if explained >= MOST and found.excess(fits[1].explanation.robot) < 0.0:
         explained = 1.0
+    reason = ""
     if not (causes or certain) or explained < MOST:
-        word = UNKNOWN
+        word, most = UNKNOWN, min(filter(search.usable, search.sets.values()), key=search.measure_left)
+        if (share := 1.0 - search.measure_left(most)) >= MOST:
+            reason = f"{most.explanation.name} would explain {percent(share)} of the gap, {TOO_LITTLE}"
     elif explained < EXPLAINED:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
     what = "the causes with their refinements" if len(causes) < len(parts) else "the causes"
-    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word].format(what)), fits)
+    reasons = (*certain, reason or REASONS[word].format(what))
+    return Decision(word, best, parts, jackknife_share(left), reasons, fits)
 
 
 def decide_retuned(found: Isolation, decision: Decision) -> Decision:
@@ -140,9 +146,9 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:
     """The best set without refinements that do not help, and the roles of its effects.
 
-    Such leave more over the whole logs than the set without them. So do drifts, laws of time alone: they take up what
-    is slow in one log and say nothing of another. What cross-validation says against others is chance: on 38 splits of
-    recordings of real machines, held-out motion is predicted best with all of them.
+    Such leave more over the whole logs than the set without them. Drifts go, too, which are laws of time alone: they
+    take up what is slow in one log and say nothing of another. What cross-validation says against others is chance: on
+    38 splits of recordings of real machines, held-out motion is predicted best with all of them.
     """
     search, best = found.search, found.best
     roles = find_roles(found, best)
@@ -167,16 +173,16 @@ def promote_refinements(found: Isolation, best: Fitted, roles: Mapping[str, str]
     search, roles = found.search, dict(roles)
     known = {e.id: e for e in search.effects}
 
-    def left(key: frozenset[str]) -> np.ndarray:
-        if key not in search.sets:
-            search.fit_parts(best.effects, [key])
-        return found.beside_detections * search.left_by_joint(search.best_within(key))
+    def left(*parts: frozenset[str]) -> list[np.ndarray]:
+        search.fit_parts(best.effects, [part for part in parts if part not in search.sets])
+        return [found.beside_detections * search.left_by_joint(search.best_within(part)) for part in parts]
 
     while len(rest := [i for i, role in roles.items() if role == REFINEMENT]) > 1:
         causes = frozenset(roles) - frozenset(rest)
-        if not np.any(left(causes) - left(best.effects) >= LARGE):
+        if not np.any(np.subtract(*left(causes, best.effects)) >= LARGE):
             break
-        roles[min(rest, key=lambda i: (is_memory(known[i]), float(left(causes | {i}).sum())))] = CAUSE
+        beside = dict(zip(rest, left(*(causes | {i} for i in rest)), strict=True))
+        roles[min(rest, key=lambda i: (is_memory(known[i]), float(beside[i].sum())))] = CAUSE
     return roles
 
 
@@ -244,18 +250,23 @@ def find_clear(
 
     That is as much as the noise, and `CLEAR` times (RMS) what the set leaves there. A sample counts the less, the more
     errors of the other effects' laws may leave in it: `LAW` of what each does there. Lost commands that were decoded
-    have no such law. here: errors (samples, columns) of the set, without: effect -> those of the set without it.
+    have no such law. In a channel where an effect does nothing by itself, as a sensor's in others, it is the retuned
+    parameters beside it that do. here: errors (samples, columns) of the set, without: effect -> those of the set
+    without it.
     """
-    problem, own = found.whole, replace(found.whole.robot, values=best.explanation.robot)
-    silent = {i: own.without_effects({i}).values for i in without if i not in problem.counted}
-    left = problem.residual(np.array([*silent.values()]), problem.fit) if silent else ()
-    law_errors = {i: (LAW * (one.reshape(here.shape) - here)) ** 2 for i, one in zip(silent, left, strict=True)}
+    problem, machine = found.whole, found.whole.robot.machine
+    silent = np.tile(best.explanation.robot, (len(without), 1))
+    for row, i in zip(silent, without, strict=True):
+        at = [k for p in machine.effect(i).parameters for k in machine.effect_indices(i, p.name).values()]
+        row[at] = problem.robot.values[at]
+    done = problem.residual(silent, problem.fit).reshape(-1, *here.shape) - here
+    law_errors = {i: (LAW * one) ** 2 * (i not in problem.counted) for i, one in zip(without, done, strict=True)}
     noise = noise_by_column(found.likelihood)
     clear = {}
-    for effect, less in without.items():
+    for (effect, less), own_part in zip(without.items(), done, strict=True):
         weight = 1.0 / (1.0 + sum(e for i, e in law_errors.items() if i != effect))
         gain, rest = ((weight * squares).mean(axis=0) for squares in (less**2 - here**2, here**2 - noise))
-        clear[effect] = gain >= np.maximum(CLEAR**2 * rest, 1.0)
+        clear[effect] = (gain >= np.maximum(CLEAR**2 * rest, 1.0)) & own_part.any(axis=0)
     return clear
 
 

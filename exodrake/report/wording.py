@@ -221,6 +221,8 @@ def headline(diagnosis: Diagnosis) -> str:
         place = seat(where, diagnosis.machine)
         within = f" in the {where.block}" if where.block != "none" else ""
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
+        if result.TOO_LITTLE in diagnosis.reasons[-1]:
+            return f"{text}: {diagnosis.reasons[-1]}{unconfirmed}."
         text += ", that no effect of the library explains"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
         if best and explained > LEAST_SHARE:
