@@ -399,6 +399,8 @@ def fit_percent(measured: Sequence[np.ndarray], simulated: Sequence[np.ndarray])
 def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Sequence[np.ndarray]]) -> list[float]:
     """Fit percent [%] of the ARX model that simulates the fitted logs best, on fitted and on held-out logs.
 
+    Of several that are as good to a per cent it is the one of least order.
+
         y[t] = c + b0 u[t] + b1 u[t-1] + ... - a1 y[t-1] - ...
 
     Inputs are (n, inputs) for each log, of fitted and of held-out logs; outputs (n,) [SI].
@@ -425,7 +427,7 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
         with np.errstate(over="ignore", invalid="ignore"):
             runs = [[simulate_log(u, y, order, weights) for u, y in zip(*one)] for one in zip(inputs, known)]
             found.append([fit_percent(ys, own) for ys, own in zip(outputs, runs, strict=True)])
-    return max(found, key=lambda percents: percents[0] if np.isfinite(percents[0]) else -np.inf)
+    return max(found, key=lambda percents: round(percents[0]) if np.isfinite(percents[0]) else -np.inf)
 
 
 def check_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -> tuple[float, float]:
