@@ -375,7 +375,7 @@ class Machine:
         return {channel: self.index[full_name(identity, parameter, channel)] for channel in self.axes.of(axis)}
 
     def has_effect(self, values: np.ndarray, effect: Effect) -> bool:
-        """Whether an effect is present in a flat vector (parameters,), on some channel at least."""
+        """Whether an effect is present in a flat vector (parameters,) [SI], on some channel at least."""
         first = effect.parameters[0]
         return any(values[i] != first.null for i in self.effect_indices(effect.id, first.name).values())
 
