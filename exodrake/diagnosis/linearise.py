@@ -149,7 +149,7 @@ def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
     """Probes of an effect; `at`: first free direction."""
     parameters = effect_parameters(problem.robot, effect)
     if effect.id in problem.counted:
-        known = problem.counted[effect.id]
+        known = parameters[0].coordinate(problem.counted[effect.id])
         parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
     amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
     start, found = np.array([p.start for p in parameters]), []

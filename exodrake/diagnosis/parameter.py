@@ -126,7 +126,7 @@ def effect_parameters(robot: Robot, effect: Effect) -> tuple[Parameter, ...]:
             one = replace(plain, index=tuple(index[c] for c in group), channels=group, bounds=bounds, start=start)
             here = float(robot.values[one.index[0]])
             if amplitude:
-                one = replace(one, amplitude=True).beside(here) if present else replace(one, amplitude=True)
+                one = replace(one, amplitude=True).beside(here)
             elif present:
                 one = replace(one, start=min(max(one.coordinate(here), bounds[0]), bounds[1]))
             found.append(one)
