@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from formula_case import WIDE, explanation, likelihood_of, linearisation, nominal, probe
+from formula_case import WIDE, amplitude, explanation, likelihood_of, linearisation, nominal, probe
 from scipy.optimize import lsq_linear
 
 from exodrake.diagnosis.search import Excess, Search, screen
@@ -133,6 +133,29 @@ def test_of_two_probes_the_one_that_is_taken_as_it_is_stays_so():
         assert (both.effects, both.rows.tolist(), both.low[2], both.high[2]) == (("b", "a"), [1, 2, 0], 1.0, 1.0)
 
 
+def test_a_fit_leaves_its_minimum_for_the_one_that_a_set_like_it_has_found():
+    """(u - 1)^2 (u + 1)^2 + (u - 1)^2 / 10 + (v - 2)^2 has a minimum near u = -1 and the lowest one at u = 1."""
+
+    def formula(row):
+        u, v = np.resize(row, 2)
+        return np.array([u**2 - 1.0, (u - 1.0) / 10**0.5, v - 2.0])
+
+    likelihood, u, v = likelihood_of(formula, (3,)), amplitude("first", 0), amplitude("second", 1)
+    search = Search(likelihood, (), np.zeros(3), 1.0, likelihood, likelihood, None)
+
+    def add(parameters, x):
+        effects = tuple(p.effect for p in parameters)
+        e = explanation(likelihood, parameters, np.array(x), np.zeros((0, 3)), effects)
+        search.sets[frozenset(effects)] = SimpleNamespace(explanation=e)
+        return e
+
+    add((v,), [0.0])
+    stuck = add((u, v), [-0.95, 2.0])
+    assert np.array_equal(search.borrow(stuck).x, [-0.95, 2.0])
+    add((u,), [1.0])
+    assert np.array_equal(search.borrow(stuck).x, [1.0, 2.0])
+
+
 def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
     """Not one that leaves too much, and no longer than evidence grows."""
     case, calls = Linear(0).settled(), []
@@ -151,6 +174,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "add", lambda self, found: (calls.append(1), take(found)))
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
+        monkeypatch.setattr(Search, "borrow", lambda self, e: e)
         search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5, 0.0)
         search.converge(key, most)
         return len(calls)

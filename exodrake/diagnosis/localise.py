@@ -18,7 +18,7 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import written_by
 from exodrake.diagnosis.problem import STILL, Problem, Trial, by_trial
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
-from exodrake.diagnosis.search import LARGE, Fitted, is_memory, screen
+from exodrake.diagnosis.search import LARGE, Fitted, is_imitator, screen
 from exodrake.model.part import JOINTS, SCALAR, TENDONS
 from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels
 
@@ -65,7 +65,7 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     for effect in ranked:
         shares.setdefault(effect.block, float(np.clip(gains[effect.id], 0.0, 1.0)))
     share, where = max(shares.values(), default=0.0), regime(found.whole, e.robot)
-    lead = next((x for x in ranked if not is_memory(x)), ranked[0] if ranked else None)
+    lead = next((x for x in ranked if not is_imitator(x)), ranked[0] if ranked else None)
     if lead and share >= LARGE and lead.id in beside:
         fit = fitted_effects(beside[lead.id]).of(lead.id)
         named = describe(fit, lead, machine.axes.of(lead.axis))

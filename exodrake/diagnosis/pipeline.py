@@ -28,7 +28,7 @@ from exodrake.diagnosis.problem import list_required, make_problem, with_recorde
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
-from exodrake.diagnosis.verdict import Decision, decide, find_rivals, jackknife_share, list_moved, screen_alike
+from exodrake.diagnosis.verdict import Decision, decide, find_rivals, list_moved, screen_alike
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.display import in_words, percent
 from exodrake.model.part import JOINTS, TENDONS
@@ -176,22 +176,15 @@ def state_effects(found: Isolation, decision: Decision, precise: Fitted) -> tupl
 
     precise: the fit that says their values.
     """
-    problem, search, fitted, stated = found.whole, found.search, fitted_effects(precise), []
+    problem, fitted, stated = found.whole, fitted_effects(precise), []
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
-    comparable = any(part.rivals for part in decision.parts) and found.excess(found.retuned.explanation.robot) >= 0.0
     for part in decision.parts:
-        effect, rest = problem.robot.machine.effect(part.effect), decision.best.effects - {part.effect}
+        effect = problem.robot.machine.effect(part.effect)
         named = counted.get(part.effect) or describe(
             fitted.of(part.effect), effect, problem.robot.machine.axes.of(effect.axis)
         )
-        rivals = []
-        for other, predicted in part.rivals.items():
-            share = result.Interval(predicted, NONE, NONE)
-            if comparable and {rest, rest | {other}} <= search.sets.keys():
-                left, mine = (search.left_by_log(search.sets[key]) for key in (rest, rest | {other}))
-                share = jackknife_share(left - mine)
-            rivals.append(result.EffectRival(other, share))
-        stated.append(replace(named, role=part.role, share=part.share, rivals=tuple(rivals)))
+        rivals = tuple(result.EffectRival(*rival) for rival in part.rivals.items())
+        stated.append(replace(named, role=part.role, share=part.share, rivals=rivals))
     certain = [d.effect for d in problem.detected if d.certain]
     taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
     stated += [replace(effect, share=result.Interval(taken, taken, taken)) for effect in certain]
@@ -203,9 +196,11 @@ def write_notes(found: Isolation, best: Fitted, improved: Robot, verdict: str = 
     problem, machine = found.whole, found.whole.robot.machine
     with_improved = partial(compare, problem.case, improved)
     notes = [*problem.case.notes, *suspicions(compare(problem.case, problem.stated), with_improved)]
+    recorded = any(column.kind == "acceleration" for column in machine.references)
+    smoother = ", that of accelerations included, of which a lower cut-off leaves less" if recorded else ""
     for name in problem.noisier:
         level = in_words(problem.robot[name], machine.parameters[machine.index[name]].unit)
-        notes.append(f"the noise of the logs counts: {name} of {level}")
+        notes.append(f"the noise of the logs counts: {name} of {level}{smoother}")
     gap = np.sqrt(max(found.excess(found.retuned.explanation.robot) + problem.negligible**2, 0.0))
     if verdict in (result.PARTLY, result.UNKNOWN) and gap < 1.0:
         least = np.ceil(10.0 * gap) / 10.0

@@ -24,6 +24,7 @@ from exodrake.diagnosis.fit import (
     HALF,
     ROUGH,
     Explanation,
+    Groups,
     Predicted,
     fit_beside,
     linear_model,
@@ -41,6 +42,7 @@ from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 SETTLED = 3  # times at most that a set is fitted on with new derivatives
+ALIKE = 2  # effects by which sets differ that begin where others ended
 NATS = 4.0  # of evidence within which two explanations are as likely: odds of 1 to 50
 GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -71,10 +73,14 @@ def name_kind(effect: Effect) -> str:
     return KINDS.get(law, effect.family or law.replace("_", " "))
 
 
-def is_memory(effect: Effect) -> bool:
-    """Whether an effect is a sensor's memory: a generic law of a signal that has states."""
+def is_imitator(effect: Effect) -> bool:
+    """Whether an effect imitates causes: a sensor's memory, a generic law of a signal that has states.
+
+    So does friction that differs by direction where the motion goes one way.
+    """
     law = effect.id.rsplit(".", 1)[-1]
-    return law in MEMORY and all(point.rsplit(".", 1)[-1] in ("shown", "delivered") for point in effect.at)
+    of_sensor = all(point.rsplit(".", 1)[-1] in ("shown", "delivered") for point in effect.at)
+    return law == "direction" or (law in MEMORY and of_sensor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,12 +257,12 @@ class Search:
         return found
 
     def plainer(self, best: Fitted) -> Fitted:
-        """The set with causes in the place of errors of a sensor's memory, where they explain as much."""
+        """The set with causes in the place of what imitates them, where they explain as much."""
         known = {e.id: e for e in self.effects}
-        for effect in [i for i in best.explanation.effects if i in known and is_memory(known[i])]:
+        for effect in [i for i in best.explanation.effects if i in known and is_imitator(known[i])]:
             smaller = self.sets.get(best.effects - {effect})
             gain = self.measure_left(smaller) - self.measure_left(best) if smaller else 1.0
-            found = [f for i, f in self.list_rivals(best, effect, gain).items() if not is_memory(known[i])]
+            found = [f for i, f in self.list_rivals(best, effect, gain).items() if not is_imitator(known[i])]
             if found:
                 best = max(found, key=self.evidence)
         return best
@@ -374,10 +380,21 @@ class Search:
             before = self.sets[key]
             if before.excess > most:
                 break
-            self.add([settle(self.likelihood.for_stage("refine again"), before.explanation)])
+            self.add([settle(self.likelihood.for_stage("refine again"), self.borrow(before.explanation))])
             after = self.sets[key]
             if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot).whole < 0.0:
                 break
+
+    def borrow(self, e: Explanation) -> Explanation:
+        """A fit with the coordinates of sets like its own where these cost less, by joint where joints are separate.
+
+        Each fit ends in a minimum of its own: what one has found, another may lack.
+        """
+        likelihood = self.likelihood.scaled_to(e.residual).for_stage("refine again")
+        alike = [f.explanation for key, f in self.sets.items() if len(key.symmetric_difference(e.effects)) <= ALIKE]
+        known = [dict(zip(other.parameters, other.x, strict=True)) for other in alike]
+        points = [np.array([x.get(p, own) for p, own in zip(e.parameters, e.x, strict=True)]) for x in known]
+        return Groups.of(likelihood, e).best(likelihood, e.at_each(likelihood, [e.x, *points]))
 
     def fit_on(self, fitted: Fitted, jacobian: np.ndarray | None = None) -> Fitted:
         """A set fitted on to more of the logs: a part tells which set is best, values are as exact as it is long.

@@ -323,9 +323,9 @@ def follow_effects(
             return since, decided
     if since.unit == "d" and clear and explained >= MOST:
         rest = zip(names[1:], fits[1:], left[1:], strict=True)
-        alike = {other: 1.0 - share for other, fit, share in rest if most - fit.model.evidence(memory) < NATS}
-        word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
         unsure = float("nan"), float("nan")
+        alike = {i: Interval(1.0 - x, *unsure) for i, fit, x in rest if most - fit.model.evidence(memory) < NATS}
+        word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
         reason = f"{name} changed: with an amplitude for each session it explains {percent(explained)} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
         best = search.sets[frozenset({name})]

@@ -36,7 +36,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, is_memory, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, is_imitator, screen
 from exodrake.model.display import percent
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
@@ -61,7 +61,7 @@ class Part:
     effect: str  # its id
     role: str  # `cause` or `refinement`
     share: Interval  # of the gap that retuning leaves
-    rivals: dict[str, float]  # effects in its place -> share of the gap that they would take up
+    rivals: dict[str, Interval]  # effects in its place -> share of the gap that they would take up
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +136,8 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
         return decision
     before = search.whole.chi2_by_log(search.whole.residual(found.nominal.robot[None])[0])
     left = {i: search.left_by_log(singles[i], before) for i in likely if likely[one] - likely[i] < NATS}
-    rivals = {i: 1.0 - float(part[0]) for i, part in left.items() if i != one}
-    part = Part(one, CAUSE, jackknife_share(1.0 - left[one]), rivals)
+    rivals = {i: jackknife_share(1.0 - rest) for i, rest in left.items()}
+    part = Part(one, CAUSE, rivals.pop(one), rivals)
     word = AMBIGUOUS if rivals else NAMED
     best, reason = singles[one], REASONS[word].format("the causes")
     return Decision(word, best, (part,), jackknife_share(left[one]), (reason,), fit_on(found, best))
@@ -182,7 +182,7 @@ def promote_refinements(found: Isolation, best: Fitted, roles: Mapping[str, str]
         if not np.any(np.subtract(*left(causes, best.effects)) >= LARGE):
             break
         beside = dict(zip(rest, left(*(causes | {i} for i in rest)), strict=True))
-        roles[min(rest, key=lambda i: (is_memory(known[i]), float(beside[i].sum())))] = CAUSE
+        roles[min(rest, key=lambda i: (is_imitator(known[i]), float(beside[i].sum())))] = CAUSE
     return roles
 
 
@@ -238,8 +238,8 @@ def divide_gap(found: Isolation, best: Fitted, roles: Mapping[str, str], left: n
     for effect, gain in gains.items():
         share = together * weight[effect] / sum(weight.values()) if effect in weight else gain
         rivals = search.list_rivals(best, effect, float(gain[0]) / part)
-        lost = {i: float(share[0] + left[0] - part * search.left_by_log(f)[0]) for i, f in rivals.items()}
-        parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
+        alike = {i: jackknife_share(share + left - part * search.left_by_log(f)) for i, f in rivals.items()}
+        parts.append(Part(effect, roles[effect], jackknife_share(share), alike))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
