@@ -8,6 +8,7 @@ from arm_folders import CABLE, MIXED, PENDULUM, made, plant_of
 from pydrake.multibody.tree import MultibodyForces_
 from pydrake.systems.analysis import Simulator
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
@@ -146,6 +147,57 @@ def test_how_friction_turns_round_is_no_gap(rubbing, monkeypatch):
     assert exo.diagnose(case, rubbing).verdict == "NO_GAP"
     monkeypatch.setattr(problem, "TURN", 0.0)
     assert exo.diagnose(case, rubbing).verdict != "NO_GAP"
+
+
+def coarse_case(robot, step, cut, friction=0.0):
+    """A pendulum whose position is read in steps [rad] and filtered without phase [Hz], as its efforts are."""
+    frame, logs, rng = robot.machine.frame, [], np.random.default_rng(3)
+    low_pass = butter(4, cut, fs=1.0 / frame, output="sos")
+    for seed in range(3):
+        q, v, a = motion(seed, 1600, robot)
+        efforts = 0.1 * a + 0.3 * 9.81 * np.sin(q) + friction * np.tanh(v / 0.01)
+        seen = step * np.round(q / step)
+        velocity = sosfiltfilt(low_pass, np.gradient(seen, frame, axis=0), axis=0)
+        signals = {"position": seen, "velocity": velocity, "acceleration": np.gradient(velocity, frame, axis=0)}
+        noisy = efforts + 0.01 * rng.standard_normal(efforts.shape)
+        logs.append(signals | {"effort": sosfiltfilt(low_pass, noisy, axis=0)})
+    return case_of(robot, logs)
+
+
+def test_noise_of_recorded_accelerations_counts(arm_folder, tmp_path):
+    """Steps of 5 mrad through a filter and two differences move 0.1 kg m2: closed form, and no gap beyond that."""
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM.format(0.3, 0.01))
+    robot = made(arm_folder, "coarse", "--urdf", tmp_path / "pendulum.urdf").with_parameters({"torque.sigma.pin": 0.01})
+    step, cut, frame = 5e-3, 15.0, robot.machine.frame
+    found = exo.diagnose(coarse_case(robot, step, cut), robot)
+    turn, passed = sosfreqz(butter(4, cut, fs=1.0 / frame, output="sos"))
+    response = np.abs(passed) ** 2 * (np.sin(turn) / frame) ** 2
+    noise = 0.1 * step / np.sqrt(12.0) * np.sqrt(np.mean(response**2))
+    assert found.problem.noisier and found.problem.robot["torque.sigma.pin"] == pytest.approx(noise, rel=0.1)
+    assert found.verdict == "NO_GAP" and any("a lower cut-off leaves less" in note for note in found.notes)
+    rubs = exo.diagnose(coarse_case(robot, step, cut, friction=1.0), robot)
+    assert [e.id for e in rubs.effects if e.role == CAUSE] == ["arm.coulomb_friction"]
+    force = rubs.effects[0].parameters["force"]
+    assert force.low < 1.0 < force.high
+
+
+def test_a_rival_takes_up_as_much_as_its_cause(arm_folder):
+    """In a motion one way, viscous friction and its difference by direction, and dry friction and an offset."""
+    robot = made(arm_folder, "one_way", "--urdf", "rotary_axis")
+    logs, rng = [], np.random.default_rng(5)
+    for seed in range(2):
+        time = robot.machine.frame * np.arange(1200)[:, None]
+        v, a = (1.0 + 0.8 * np.sin((3.0 + seed) * time), 0.8 * (3.0 + seed) * np.cos((3.0 + seed) * time))
+        effort = 0.08 * a + 2.0 * v + 0.5 + robot.channels("torque.sigma") * rng.standard_normal(v.shape)
+        q = np.cumsum(v, axis=0) * robot.machine.frame
+        logs.append({"position": q, "velocity": v, "acceleration": a, "effort": effort})
+    causes = {e.id: e for e in exo.diagnose(case_of(robot, logs), robot).effects if e.role == CAUSE}
+    viscous, dry = causes["arm.viscous_friction"], causes["arm.coulomb_friction"]
+    assert viscous.parameters["coefficient"].value == pytest.approx(2.0, rel=0.05)
+    assert dry.parameters["force"].value == pytest.approx(0.5, rel=0.1)
+    for cause, other in ((viscous, "arm.direction"), (dry, "torque.offset")):
+        (rival,) = (r for r in cause.rivals if r.id == other)
+        assert rival.share.value == pytest.approx(cause.share.value, abs=0.01)
 
 
 LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule

@@ -51,9 +51,9 @@ FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
-# which is `torque.offset` in inverse dynamics, and what noise of the recorded motion imitates there, since it smooths
-# what follows from that
-INVERSE = ("arm.offset", "torque.low_pass")
+# not tried in inverse dynamics: an offset that is the sensor's, and laws that make what is predicted smoother or
+# smaller, which noise of the recorded motion asks for
+INVERSE = ("arm.offset", "torque.low_pass", "torque.hysteresis", "torque.saturation")
 
 # of arms with cables
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans

@@ -17,7 +17,9 @@ from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
 from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
 from exodrake.diagnosis.noise import robust_std
+from exodrake.engine.inputs import Reference
 from exodrake.model.display import in_words
+from exodrake.simulation.simulate import run, write_log
 
 LONGEST = 300  # characters of a sentence
 # Times what is usual, of the nominal robot or in the other logs: with few logs an error three times the largest is rare
@@ -31,6 +33,8 @@ SATURATED = 0.05  # of the samples: less hardly matters (assumed)
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
 NOISIER = "vibration, or noisier sensors? Set"
+MOTION = "position", "acceleration"  # that a log records where efforts are predicted from it
+BINS = 9  # neighbouring frequencies over which powers are averaged: assumed
 QUIETER = "smoothed logs, or quieter sensors? If quieter, set"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
@@ -341,7 +345,47 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
         noise, least = np.minimum(high, higher), np.array([c.least_noise for c in channels])
         if word == NOISIER and (noise > ABOVE * least).all() and np.median(high / higher) < WHITE:
             found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + np.median(noise**2 - least**2)))
+    for parameter, noise in motion_noise(comparison).items():
+        own = found.get(parameter, comparison.robot[parameter])
+        if np.hypot(own, noise) > ABOVE * own:
+            found[parameter] = float(np.hypot(own, noise))
     return found
+
+
+def motion_noise(comparison: Comparison) -> dict[str, float]:
+    """Noise parameters of efforts that are predicted from recorded motion -> noise of the predicted ones [SI], RMS.
+
+    That of a position is white. A filter makes the acceleration of it, whose response the spectra of both tell, and the
+    model says what that moves. None of a machine whose motion is not recorded.
+    """
+    machine, columns = comparison.robot.machine, comparison.columns
+    names, joints = machine.log_names(machine.references), machine.axes.joints
+    if not {f"{kind}_{joint}" for kind in MOTION for joint in joints} <= set(names):
+        return {}
+
+    def predict(rows: np.ndarray) -> np.ndarray:
+        log = write_log(run(comparison.robot, Reference(rows), seed=None, quantisation=False))
+        return np.column_stack([log[c] for c in columns])
+
+    squares = np.zeros(len(columns))
+    for pair in comparison.pairs:
+        still = predict(pair.reference)
+        for places in ([names.index(f"{kind}_{joint}") for kind in MOTION] for joint in joints):
+            position, acceleration = pair.reference.T[places]
+            moved = pair.reference.copy()
+            if noise := fast_noise(position, ORDERS[0]):
+                moved[:, places[1]] += noise * response_rms(position, acceleration)
+            squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(comparison.pairs)
+    of_joint = {column.rsplit("_", 1)[1]: float(np.sqrt(x)) for column, x in zip(columns, squares, strict=True)}
+    return {p: of_joint[p.rsplit(".", 1)[1]] for p in machine.noise if p.rsplit(".", 1)[1] in of_joint}
+
+
+def response_rms(before: np.ndarray, after: np.ndarray) -> float:
+    """RMS over all frequencies of the response of a filter by its input and output (n,), whose trends count little."""
+    window = np.hanning(len(before) - 2)
+    power = [np.abs(np.fft.rfft(window * np.diff(x, 2))) ** 2 for x in (before, after)]
+    given, taken = (np.convolve(p, np.ones(BINS), "same") for p in power)
+    return float(np.sqrt(np.mean(taken / np.maximum(given, 1e-300))))
 
 
 def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
