@@ -59,6 +59,13 @@ def test_a_refinement_goes_if_whole_logs_are_worse_with_it_or_it_is_of_time_alon
     assert effects == (BOTH if kept else FRICTION)
 
 
+@pytest.mark.parametrize("values", [[-0.01, -0.02, 0.0], [0.99, 0.9, 1.1], [1.2, 1.2, 1.2], [0.5]])
+def test_a_share_lies_between_its_ends_and_these_between_none_and_all(values):
+    share = verdict.jackknife_share(np.array(values))
+    assert 0.0 <= share.low <= share.value <= share.high <= 1.0
+    assert share.value == min(max(values[0], 0.0), 1.0)
+
+
 DRY, LOAD, SENSOR = "carriage.coulomb_friction", "carriage.load_friction", "scale.low_pass"
 
 

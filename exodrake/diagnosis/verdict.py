@@ -82,10 +82,10 @@ class Decision:
 
 
 def jackknife_share(values: np.ndarray) -> Interval:
-    """A value over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
+    """A share over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
     value, n = float(values[0]), len(values) - 1
     half = NORMAL_90 * float(np.sqrt((n - 1) / n * np.sum((values[1:] - values[1:].mean()) ** 2))) if n > 1 else 0.0
-    return Interval(value, max(value - half, 0.0), min(value + half, 1.0))
+    return Interval(*np.clip([value, value - half, value + half], 0.0, 1.0).tolist())
 
 
 def decide(found: Isolation) -> Decision:
