@@ -149,13 +149,18 @@ def test_how_friction_turns_round_is_no_gap(rubbing, monkeypatch):
     assert exo.diagnose(case, rubbing).verdict != "NO_GAP"
 
 
+def pendulum_effort(q, v, a, friction):
+    """Efforts [N m] of the bob on a rod of 0.3 m, 0.1 kg m2 about its pin, with dry friction [N m]."""
+    return 0.1 * a + 0.3 * 9.81 * np.sin(q) + friction * np.tanh(v / 0.01)
+
+
 def coarse_case(robot, step, cut, friction=0.0):
     """A pendulum whose position is read in steps [rad] and filtered without phase [Hz], as its efforts are."""
     frame, logs, rng = robot.machine.frame, [], np.random.default_rng(3)
     low_pass = butter(4, cut, fs=1.0 / frame, output="sos")
     for seed in range(3):
         q, v, a = motion(seed, 1600, robot)
-        efforts = 0.1 * a + 0.3 * 9.81 * np.sin(q) + friction * np.tanh(v / 0.01)
+        efforts = pendulum_effort(q, v, a, friction)
         seen = step * np.round(q / step)
         velocity = sosfiltfilt(low_pass, np.gradient(seen, frame, axis=0), axis=0)
         signals = {"position": seen, "velocity": velocity, "acceleration": np.gradient(velocity, frame, axis=0)}
@@ -244,7 +249,7 @@ def test_two_faults_that_hide_each_other_are_found_together(arm_folder, tmp_path
     logs, rng = [], np.random.default_rng(0)
     for seed in range(3):
         q, v, a = motion(seed, 600, robot)
-        efforts = 0.1 * a + 0.3 * 9.81 * np.sin(q) + 0.6 * np.tanh(v / 0.01) + 0.5
+        efforts = pendulum_effort(q, v, a, 0.6) + 0.5
         noisy = efforts + 0.01 * rng.standard_normal(efforts.shape)
         logs.append({"position": q, "velocity": v, "acceleration": a, "effort": noisy})
     found = exo.diagnose(case_of(robot, logs[:1] + logs[2:]), robot)
