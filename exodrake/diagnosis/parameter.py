@@ -113,7 +113,8 @@ def effect_parameters(robot: Robot, effect: Effect) -> tuple[Parameter, ...]:
         groups = [(channel,) for channel in index] if k == 0 or info is lead else [tuple(index)]
         transform, amplitude = {"linear": "additive"}.get(info.transform, info.transform), k == 0
         base = info.null if amplitude and transform != "reciprocal" else 1.0 if transform == "log" else 0.0
-        plain = Parameter(f"{effect.id}.{info.name}", (), transform, base, math.inf, (0.0, 0.0), effect.id)
+        name = f"{effect.id}.{info.name}"
+        plain = Parameter(name, (), transform, base, math.inf, (0.0, 0.0), effect.id, amplitude=amplitude)
         low, high = sorted((plain.coordinate(info.low), plain.coordinate(info.high)))
         if transform == "log":
             low, high = low - math.log(RANGE_FACTOR), high + math.log(RANGE_FACTOR) * (high > 0.0 or not amplitude)
@@ -126,7 +127,7 @@ def effect_parameters(robot: Robot, effect: Effect) -> tuple[Parameter, ...]:
             one = replace(plain, index=tuple(index[c] for c in group), channels=group, bounds=bounds, start=start)
             here = float(robot.values[one.index[0]])
             if amplitude:
-                one = replace(one, amplitude=True).beside(here)
+                one = one.beside(here)
             elif present:
                 one = replace(one, start=min(max(one.coordinate(here), bounds[0]), bounds[1]))
             found.append(one)

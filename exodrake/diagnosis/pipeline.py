@@ -196,8 +196,7 @@ def write_notes(found: Isolation, best: Fitted, improved: Robot, verdict: str = 
     problem, machine = found.whole, found.whole.robot.machine
     with_improved = partial(compare, problem.case, improved)
     notes = [*problem.case.notes, *suspicions(compare(problem.case, problem.stated), with_improved)]
-    recorded = any(column.kind == "acceleration" for column in machine.references)
-    smoother = ", that of accelerations included, of which a lower cut-off leaves less" if recorded else ""
+    smoother = ", that of accelerations included, of which a lower cut-off leaves less" if machine.motion else ""
     for name in problem.noisier:
         level = in_words(problem.robot[name], machine.parameters[machine.index[name]].unit)
         notes.append(f"the noise of the logs counts: {name} of {level}{smoother}")

@@ -39,6 +39,7 @@ from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.model.effect import Effect
+from exodrake.model.part import READINGS
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 SETTLED = 3  # times at most that a set is fitted on with new derivatives
@@ -79,7 +80,7 @@ def is_imitator(effect: Effect) -> bool:
     So does friction that differs by direction where the motion goes one way.
     """
     law = effect.id.rsplit(".", 1)[-1]
-    of_sensor = all(point.rsplit(".", 1)[-1] in ("shown", "delivered") for point in effect.at)
+    of_sensor = all(point.rsplit(".", 1)[-1] in READINGS for point in effect.at)
     return law == "direction" or (law in MEMORY and of_sensor)
 
 
@@ -391,8 +392,8 @@ class Search:
         Each fit ends in a minimum of its own: what one has found, another may lack.
         """
         likelihood = self.likelihood.scaled_to(e.residual).for_stage("refine again")
-        alike = [f.explanation for key, f in self.sets.items() if len(key.symmetric_difference(e.effects)) <= ALIKE]
-        known = [dict(zip(other.parameters, other.x, strict=True)) for other in alike]
+        others = [(key.symmetric_difference(e.effects), f.explanation) for key, f in self.sets.items()]
+        known = [dict(zip(o.parameters, o.x, strict=True)) for apart, o in others if 0 < len(apart) <= ALIKE]
         points = [np.array([x.get(p, own) for p, own in zip(e.parameters, e.x, strict=True)]) for x in known]
         return Groups.of(likelihood, e).best(likelihood, e.at_each(likelihood, [e.x, *points]))
 

@@ -168,7 +168,7 @@ def promote_refinements(found: Isolation, best: Fitted, roles: Mapping[str, str]
     """Roles where refinements that stand in for each other take up together what makes a cause.
 
     None of them does alone, as the others of them stay. The one that takes up most beside the causes is a cause, too,
-    errors of a sensor's memory last.
+    those that imitate causes last.
     """
     search, roles = found.search, dict(roles)
     known = {e.id: e for e in search.effects}

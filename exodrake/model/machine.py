@@ -339,6 +339,13 @@ class Machine:
         """Names in a log of all channels of some column families."""
         return [f"{column.kind}_{channel}" for column in columns for channel in self.channels(column.signal)]
 
+    @property
+    def motion(self) -> dict[str, list[int]]:
+        """Joint -> places of its recorded position and acceleration in a reference, where they predict efforts."""
+        names = self.log_names(self.references)
+        recorded = {j: [f"position_{j}", f"acceleration_{j}"] for j in self.axes.joints}
+        return {j: [names.index(c) for c in both] for j, both in recorded.items() if set(both) <= set(names)}
+
     def width(self, axis: str) -> int:
         """Number of channels of an axis."""
         return len(self.axes.of(axis))

@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
+READINGS = ("shown", "delivered")  # points that a reading passes
 CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxation"
 
 

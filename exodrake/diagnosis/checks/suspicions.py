@@ -33,10 +33,9 @@ SATURATED = 0.05  # of the samples: less hardly matters (assumed)
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
 NOISIER = "vibration, or noisier sensors? Set"
-MOTION = "position", "acceleration"  # that a log records where efforts are predicted from it
-BINS = 9  # neighbouring frequencies over which powers are averaged: assumed
 QUIETER = "smoothed logs, or quieter sensors? If quieter, set"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
+SEGMENT = 256  # samples of a spectrum: welch's own choice
 ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
 WHITE = 1.2  # ratio of what differences of these orders say of noise that is white (assumed: half of a hunting loop's)
 CHANGED = 0.1  # of the motion, by which repeats differ in gain or offset; lost packets and tremor stay below (assumed)
@@ -347,8 +346,8 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
             found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + np.median(noise**2 - least**2)))
     for parameter, noise in motion_noise(comparison).items():
         own = found.get(parameter, comparison.robot[parameter])
-        if np.hypot(own, noise) > ABOVE * own:
-            found[parameter] = float(np.hypot(own, noise))
+        if (both := float(np.hypot(own, noise))) > ABOVE * own:
+            found[parameter] = both
     return found
 
 
@@ -358,33 +357,31 @@ def motion_noise(comparison: Comparison) -> dict[str, float]:
     That of a position is white. A filter makes the acceleration of it, whose response the spectra of both tell, and the
     model says what that moves. None of a machine whose motion is not recorded.
     """
-    machine, columns = comparison.robot.machine, comparison.columns
-    names, joints = machine.log_names(machine.references), machine.axes.joints
-    if not {f"{kind}_{joint}" for kind in MOTION for joint in joints} <= set(names):
-        return {}
+    machine, pairs = comparison.robot.machine, comparison.pairs
+    squares = np.zeros(len(comparison.columns))
 
     def predict(rows: np.ndarray) -> np.ndarray:
         log = write_log(run(comparison.robot, Reference(rows), seed=None, quantisation=False))
-        return np.column_stack([log[c] for c in columns])
+        return np.column_stack([log[c] for c in comparison.columns])
 
-    squares = np.zeros(len(columns))
-    for pair in comparison.pairs:
+    for pair in pairs if machine.motion else ():
         still = predict(pair.reference)
-        for places in ([names.index(f"{kind}_{joint}") for kind in MOTION] for joint in joints):
-            position, acceleration = pair.reference.T[places]
-            moved = pair.reference.copy()
+        for places in machine.motion.values():
+            moved, (position, acceleration) = pair.reference.copy(), pair.reference.T[places]
             if noise := fast_noise(position, ORDERS[0]):
                 moved[:, places[1]] += noise * response_rms(position, acceleration)
-            squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(comparison.pairs)
-    of_joint = {column.rsplit("_", 1)[1]: float(np.sqrt(x)) for column, x in zip(columns, squares, strict=True)}
-    return {p: of_joint[p.rsplit(".", 1)[1]] for p in machine.noise if p.rsplit(".", 1)[1] in of_joint}
+                squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(pairs)
+    of_joint = {c.rsplit("_", 1)[1]: float(np.sqrt(x)) for c, x in zip(comparison.columns, squares, strict=True) if x}
+    joints = {parameter: parameter.rsplit(".", 1)[1] for parameter in machine.noise}
+    return {parameter: of_joint[joint] for parameter, joint in joints.items() if joint in of_joint}
 
 
 def response_rms(before: np.ndarray, after: np.ndarray) -> float:
     """RMS over all frequencies of the response of a filter by its input and output (n,), whose trends count little."""
-    window = np.hanning(len(before) - 2)
-    power = [np.abs(np.fft.rfft(window * np.diff(x, 2))) ** 2 for x in (before, after)]
-    given, taken = (np.convolve(p, np.ones(BINS), "same") for p in power)
+    from scipy.signal import welch
+
+    both = np.diff([before, after], 2)
+    given, taken = welch(both, nperseg=min(SEGMENT, both.shape[1]), detrend=False)[1]
     return float(np.sqrt(np.mean(taken / np.maximum(given, 1e-300))))
 
 

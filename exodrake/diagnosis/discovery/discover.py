@@ -32,7 +32,7 @@ from exodrake.diagnosis.search import LAW, NATS
 from exodrake.diagnosis.verdict import LARGE, MOST
 from exodrake.model.display import percent
 from exodrake.model.machine import Machine, stack, state_size
-from exodrake.model.part import HYSTERESIS, RELAXATION, FreeLaw
+from exodrake.model.part import HYSTERESIS, READINGS, RELAXATION, FreeLaw
 from exodrake.model.robot import Robot
 
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
@@ -53,7 +53,6 @@ TERMS = 3  # of a formula
 GRID = 200  # points on which a term is approximated by a curve
 WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
 BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
-READINGS = ("shown", "delivered")  # points of readings
 
 
 @dataclass(frozen=True, eq=False)
