@@ -73,10 +73,11 @@ def check_case(case: Case, machine: Machine) -> None:
 
 def without_short_logs(case: Case, machine: Machine) -> Case:
     """The case without logs that are too short to tell anything, with a note; InputError if no fitted log is left."""
-    short = {item.file: len(item.log) for item in case.logs if len(item.log) < SHORTEST}
+    fewest = SHORTEST + round(machine.settling / machine.frame)  # the first ones do not count
+    short = {item.file: len(item.log) for item in case.logs if len(item.log) < fewest}
     if not short:
         return case
-    least = f"{SHORTEST} ({SHORTEST * machine.frame:g} s)"
+    least = f"{fewest} ({fewest * machine.frame:g} s)"
     kept = tuple(item for item in case.logs if item.file not in short and item.repeats not in short)
     if not any(item.role == "fit" for item in kept):
         file, frames = next(iter(short.items()))
