@@ -222,6 +222,18 @@ def test_where_a_joint_stands_at_first_is_not_what_an_offset_reading_says(nomina
     assert np.mean(residual**2) < 1.5
 
 
+def test_a_log_needs_frames_beyond_those_in_which_a_joint_settles(nominal):
+    log = exo.simulate(nominal, "random-motion:duration=2.5,seed=1", seed=1)
+    cases = [
+        Case("brief", {}, (CaseLog(log.rows(slice(0, n)), "motion", "fit", None, "brief.csv"),), nominal.machine.frame)
+        for n in (124, 125)
+    ]
+    with pytest.raises(exo.InputError, match=r"brief.csv: 124 frames, a diagnosis needs 125 \(2.5 s\)"):
+        make_problem(cases[0], nominal)
+    (trial,) = make_problem(cases[1], nominal).fit
+    assert np.isfinite(trial.measured).sum(axis=0).tolist() == [100, 100]
+
+
 def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal, few_cycles, hasty):
     """Small steps do not move it: no margins, and a note says how to see it in motion; nothing raises."""
     stuck = add_controller(nominal.splice("servo.coulomb_friction", {"force": 0.25}))
