@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -26,6 +26,7 @@ from exodrake.diagnosis.fit import (
     Explanation,
     Groups,
     Predicted,
+    begin_as,
     fit_beside,
     linear_model,
     minimise,
@@ -52,6 +53,7 @@ SURE = 15.0  # nats of the tolerances' priors that an effect in their place has 
 FAR = 1.0  # noise variances: a set that leaves more leaves much
 ALL = slice(None)  # logs
 PAIRS = "pairs"  # in the place of an effect's id, where two were tried beside a set
+PLAINER = "plainer"  # the same, where one of them was fitted again from where a plainer law ended
 
 # laws of one kind stand for each other: a set holds one of them at a place
 KINDS = {
@@ -210,22 +212,38 @@ class Search:
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
         return gap / (gap + self.likelihood.views[0].problem.negligible ** 2), left / np.maximum(gap, 1e-12)
 
+    def list_plainer(self, key: frozenset[str]) -> Iterator[tuple[str, str, Fitted]]:
+        """Laws of a fitted set beside others of their kind with fewer parameters, fitted in their place."""
+        known, rich = {e.id: e for e in self.effects}, self.sets[key]
+        for effect in (i for i in key if i in known):
+            for other, plain in self.find_replacements(rich, effect).items():
+                same = len({(known[i].block, name_kind(known[i])) for i in (effect, other)}) == 1
+                if same and len(plain.explanation.x) < len(rich.explanation.x):
+                    yield effect, other, plain
+
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
 
-        Not one that is better by as much as one effect more must be.
+        Not one that is better by as much as one effect more must be, in the likeliest set that holds it. A law that is
+        less likely than the plainer one was fitted badly, as it can do as much: it is fitted again from where that one
+        ended.
         """
-        known = {e.id: e for e in self.effects}
+        likelihood, starts = self.likelihood.for_stage("refine"), dict[frozenset[str], Explanation]()
         for key, rich in self.sets.items():
-            for effect in [i for i in key if i in known and self.usable(rich)]:
+            for effect, other, plain in self.list_plainer(key):
+                if (key, PLAINER) not in self.expanded and self.evidence(plain) > self.evidence(rich):
+                    starts[key] = begin_as(likelihood, rich.explanation, effect, plain.explanation, other)
+        self.expanded |= {(key, PLAINER) for key in starts}
+        self.add(side_by_side([partial(settle, likelihood, start) for start in starts.values()]))
+        self.barred, decided = set(), dict[str, tuple[float, bool]]()
+        for key, rich in self.sets.items():
+            for effect, _, plain in self.list_plainer(key) if self.usable(rich) else ():
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
-                for other, plain in self.find_replacements(rich, effect).items():
-                    same = len({(known[i].block, name_kind(known[i])) for i in (effect, other)}) == 1
-                    fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
-                    fewer &= not self.beats(rich, plain, 1)
-                    if same and fewer and self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain:
-                        self.barred.add(effect)
+                as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
+                here = self.evidence(rich), as_good and not self.beats(rich, plain, 1)
+                decided[effect] = max(here, decided.get(effect, here))
+        self.barred = {effect for effect, (_, as_good) in decided.items() if as_good}
 
     def usable(self, fitted: Fitted) -> bool:
         """Whether a set may be the answer: no amplitude ended at a bound other than its null, no law is barred."""
@@ -340,7 +358,7 @@ class Search:
         if key:
             promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
             lin = self.linearise_beside(e, alike.union(promising), keep=not place)
-        predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects)]
+        predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects, alike)]
         new = [p for p in predicted if key.union(p.probe.effects) not in self.sets]
         new.sort(key=lambda p: p.probe.effect not in alike)
         fitted += sum(p.probe.effect in alike for p in new)
@@ -350,6 +368,7 @@ class Search:
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
             if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
+        self.bar_richer_laws()
 
     def linearise_beside(self, e: Explanation, wanted: Collection[str], keep: bool) -> Linearisation:
         """Directions beside an explanation, of some effects at least; keep: for further calls beside the same one."""
@@ -477,7 +496,6 @@ class Search:
     def run(self, most: int) -> Fitted:
         """The best set of at most so many effects."""
         self.expand(frozenset(), SINGLES)
-        self.bar_richer_laws()
         for _ in range(2 * most + 4):
             best = self.best
             self.likelihood = self.likelihood.with_memory(best.explanation.residual)
@@ -494,7 +512,6 @@ class Search:
                 continue
             if len(best.effects) < most and not self.is_negligible(best):
                 self.expand(best.effects)
-                self.bar_richer_laws()
             if self.best.effects == best.effects and not self.look_further(best, most):
                 break
         while True:
@@ -546,11 +563,14 @@ class Search:
         new = [p for p in new if key.union(p.probe.effects) not in self.sets]
         self.add(fit_beside(likelihood.for_stage("refine"), e, new[:FITTED]))
 
-    def may_join(self, key: frozenset[str], effects: Iterable[str]) -> bool:
-        """Whether effects may join a set: none is barred, and no two are laws of one kind that exclude each other."""
+    def may_join(self, key: frozenset[str], effects: Iterable[str], again: Collection[str] = ()) -> bool:
+        """Whether effects may join a set: none is barred, and no two are laws of one kind that exclude each other.
+
+        again: those that may, though they are barred.
+        """
         kinds = [(x.block, name_kind(x)) for x in self.effects if x.id in key.union(effects)]
         alone = [kind for kind in kinds if kind[1] in ONE]
-        return len(alone) == len(set(alone)) and not self.barred.intersection(effects)
+        return len(alone) == len(set(alone)) and not self.barred.difference(again).intersection(effects)
 
     def list_sparing(self, best: Fitted, size: int) -> list[Fitted]:
         """Sets of so many effects that spare `SURE` of the tolerances that the best one uses."""

@@ -380,8 +380,8 @@ def response_rms(before: np.ndarray, after: np.ndarray) -> float:
     """RMS over all frequencies of the response of a filter by its input and output (n,), whose trends count little."""
     from scipy.signal import welch
 
-    both = np.diff([before, after], 2)
-    given, taken = welch(both, nperseg=min(SEGMENT, both.shape[1]), detrend=False)[1]
+    spectra = [welch(np.diff(x, 2), nperseg=min(SEGMENT, len(x) - 2), detrend="constant")[1] for x in (before, after)]
+    given, taken = spectra
     return float(np.sqrt(np.mean(taken / np.maximum(given, 1e-300))))
 
 
