@@ -175,7 +175,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
         monkeypatch.setattr(Search, "borrow", lambda self, e: e)
-        search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5, 0.0)
+        search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5, 1.0, 0.0)
         search.converge(key, most)
         return len(calls)
 

@@ -18,14 +18,14 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, Excess, Fitted, Search
+from exodrake.diagnosis.search import FAR, Excess, Fitted, Search
 
 USED, MOST = 15_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
 PRECISE = 30_000  # samples to which the answer is fitted on: four times as many halve an interval
-# Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, the shortest of so many
-# PARTS is fitted that shows at least SHOWN of that gap. Assumed
-PARTS, HIDDEN, SHOWN = 20, 0.02, 0.5
+# Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, or half (RMS) of what a
+# set leaves, the shortest of so many PARTS is fitted that shows at least HALF of that. Assumed
+PARTS, HIDDEN = 20, 0.02
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
 ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of a fit; mean log chi-square that one gains for a next one
 
@@ -141,9 +141,9 @@ def isolate(
     def excess(robot: np.ndarray) -> Excess:
         if (key := robot.tobytes()) not in measured:
             *gaps, left = excess_by_column(whole, robot, likelihood, (*shares, 1.0)).max(axis=1).tolist()
-            shown = next((float(s) for s, gap in zip(shares, gaps) if gap >= SHOWN * max(gaps)), 1.0)
-            hidden = part < shares[-1] and gaps[-1] >= 0.0 and gaps[0] < HIDDEN * max(gaps)
-            measured[key] = Excess(gaps[0], left, shown * count_samples(problem) if hidden else 0.0)
+            enough = next((float(s) for s, gap in zip(shares, gaps) if gap >= HALF * max(gaps)), 1.0)
+            shown = gaps[0] / max(gaps) if gaps[-1] > 0.0 else 1.0
+            measured[key] = Excess(gaps[0], left, shown, enough * count_samples(problem))
         return measured[key]
 
     zero = replace(start, x=np.zeros(len(start.x)))
@@ -153,7 +153,8 @@ def isolate(
         effects = ()
     else:
         retuned = fit_nominal(likelihood, start.at_each(likelihood, [start.x])[0])
-        if more := excess(retuned.robot).needed:
+        if (hidden := excess(retuned.robot)).shown < HIDDEN:
+            more = hidden.needed
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
             if excess(by_more.robot).whole >= 0.0:
@@ -177,7 +178,7 @@ def isolate(
             sparing = sorted(search.list_sparing(best, len(best.effects)), key=lambda f: f.tolerance_cost)
             best = next((f for f in sparing if search.is_negligible(f)), best)
             search.reduce(best.effects)
-        elif best.effects and (left := excess(best.explanation.robot)).needed and left.whole >= GAIN * gap:
+        elif best.effects and (left := excess(best.explanation.robot)).whole > FAR and left.shown < HALF**2:
             return isolate(problem, progress, left.needed, search)
     return Isolation(short, whole, likelihood, nominal, search, best)
 

@@ -121,7 +121,8 @@ class Excess(NamedTuple):
 
     fitted: float  # in the part of the logs that is fitted
     whole: float  # in whole logs
-    needed: float  # samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 elsewhere
+    shown: float  # what the fitted part shows over the most that a part of the logs shows
+    needed: float  # samples of the shortest part that shows half of the most
 
 
 @dataclass(eq=False)
