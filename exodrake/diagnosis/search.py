@@ -242,7 +242,7 @@ class Search:
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
-                here = self.evidence(rich), as_good and not self.beats(rich, plain, 1)
+                here = self.evidence(rich), as_good and self.usable(plain) and not self.beats(rich, plain, 1)
                 decided[effect] = max(here, decided.get(effect, here))
         self.barred = {effect for effect, (_, as_good) in decided.items() if as_good}
 

@@ -380,8 +380,7 @@ def response_rms(before: np.ndarray, after: np.ndarray) -> float:
     """RMS over all frequencies of the response of a filter by its input and output (n,), whose trends count little."""
     from scipy.signal import welch
 
-    spectra = [welch(np.diff(x, 2), nperseg=min(SEGMENT, len(x) - 2), detrend="constant")[1] for x in (before, after)]
-    given, taken = spectra
+    given, taken = (welch(np.diff(x, 2), nperseg=min(SEGMENT, len(x) - 2))[1] for x in (before, after))
     return float(np.sqrt(np.mean(taken / np.maximum(given, 1e-300))))
 
 
