@@ -225,9 +225,9 @@ class Search:
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
 
-        Not one that is better by as much as one effect more must be, in the likeliest set that holds it. A law that is
-        less likely than the plainer one was fitted badly, as it can do as much: it is fitted again from where that one
-        ended.
+        Not one that is better by as much as an effect for each further parameter must be, in the likeliest set that
+        holds it. A law that is less likely than the plainer one was fitted badly, as it can do as much: it is fitted
+        again from where that one ended.
         """
         likelihood, starts = self.likelihood.for_stage("refine"), dict[frozenset[str], Explanation]()
         for key, rich in self.sets.items():
@@ -242,7 +242,8 @@ class Search:
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
-                here = self.evidence(rich), as_good and self.usable(plain) and not self.beats(rich, plain, 1)
+                more = len(rich.explanation.x) - len(plain.explanation.x)
+                here = self.evidence(rich), as_good and self.usable(plain) and not self.beats(rich, plain, more)
                 decided[effect] = max(here, decided.get(effect, here))
         self.barred = {effect for effect, (_, as_good) in decided.items() if as_good}
 
