@@ -211,6 +211,23 @@ def test_effect_that_shows_after_the_fitted_part_is_taken_by_its_evidence():
     assert found.search.sets[frozenset({"sheath.play"})].excess < 1e-3
 
 
+def test_more_of_a_log_is_fitted_where_a_set_leaves_what_grows_after_the_part_that_would_be():
+    """A drift beside play, which explains more than 99 % of the gap."""
+    robot = exo.load_robot("tendon_sheath")
+    time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
+    angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
+    motion = np.column_stack([angle, np.gradient(angle, robot.machine.frame), np.ones_like(angle)])
+    drift = 4.0 * robot["reading.repeatability"] / time[-1]
+    worn = robot.splice("sheath.play", {"half_width": 0.1}).splice("reading.drift", {"rate": drift})
+    case = gather_logs([simulate(worn, Reference(motion), seed=1)], (), robot.machine.frame)
+    tried = frozenset({"sheath.play", "sheath.gain", "sheath.offset", "reading.drift"})
+    with one_blas_thread():
+        found = isolation.isolate(make_problem(case, robot, tried), most=0.25 * len(time))
+    assert found.best.effects == {"sheath.play", "reading.drift"}
+    assert found.likelihood.views[0].samples > 0.5 * len(time)
+    assert found.search.measure_left(found.search.sets[frozenset({"sheath.play"})]) < 0.01
+
+
 def test_effect_beside_a_tremor_is_named_with_it():
     trembling = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
     found = exo.diagnose(case_of(trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3), tried=TREMBLES)
