@@ -212,7 +212,7 @@ def test_effect_that_shows_after_the_fitted_part_is_taken_by_its_evidence():
 
 
 def test_more_of_a_log_is_fitted_where_a_set_leaves_what_grows_after_the_part_that_would_be():
-    """A drift beside play, which explains more than 99 % of the gap."""
+    """A drift beside play, which explains more than 95 % of the gap."""
     robot = exo.load_robot("tendon_sheath")
     time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
     angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
@@ -222,10 +222,10 @@ def test_more_of_a_log_is_fitted_where_a_set_leaves_what_grows_after_the_part_th
     case = gather_logs([simulate(worn, Reference(motion), seed=1)], (), robot.machine.frame)
     tried = frozenset({"sheath.play", "sheath.gain", "sheath.offset", "reading.drift"})
     with one_blas_thread():
-        found = isolation.isolate(make_problem(case, robot, tried), most=0.25 * len(time))
+        found = isolation.isolate(make_problem(case, robot, tried), most=0.06 * len(time))
     assert found.best.effects == {"sheath.play", "reading.drift"}
     assert found.likelihood.views[0].samples > 0.5 * len(time)
-    assert found.search.measure_left(found.search.sets[frozenset({"sheath.play"})]) < 0.01
+    assert found.search.measure_left(found.search.sets[frozenset({"sheath.play"})]) < 0.05
 
 
 def test_effect_beside_a_tremor_is_named_with_it():

@@ -10,7 +10,6 @@ from formula_case import WIDE, amplitude, explanation, likelihood_of, linearisat
 from scipy.optimize import lsq_linear
 
 from exodrake.diagnosis.fit import begin_as
-from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.search import Excess, Search, screen
 
 NOMINAL, SAMPLES, SCALE = 5, 300, 1.7
@@ -160,12 +159,20 @@ def test_a_fit_leaves_its_minimum_for_the_one_that_a_set_like_it_has_found():
 
 def test_a_richer_law_begins_where_a_plainer_one_ended():
     """A factor of 2 within the richer law asks for half of the plainer one's amplitude."""
-    likelihood = likelihood_of(lambda row: np.array([row[0] - 3.0, row[1] + row[2] * row[3] - 2.0]), (2,))
-    (common,), shape = nominal(1, 1.0), Parameter("rich.shape", (3,), "additive", 0.0, inf, WIDE, "rich", start=2.0)
+
+    def formula(row):
+        common, plain, rich, factor = np.pad(row, (0, 4 - len(row)))
+        return np.array([common - 3.0, plain + rich * factor - 2.0])
+
+    likelihood, (common,), shape = (
+        likelihood_of(formula, (2,)),
+        nominal(1, 1.0),
+        replace(amplitude("rich", 3), name="rich.factor"),
+    )
+    shape = replace(shape, amplitude=False, start=2.0)
     plain, rich = (common, amplitude("plain", 1)), (common, amplitude("rich", 2), shape)
     ended = explanation(likelihood, plain, np.array([3.0, 2.0]), np.zeros((1, 2)), ("plain",))
     astray = explanation(likelihood, rich, np.array([0.0, -7.0, 1.0]), np.zeros((1, 2)), ("rich",))
-    ended, astray = (replace(e, values=np.zeros(4)) for e in (ended, astray))
     begun = begin_as(likelihood, astray, "rich", ended, "plain")
     assert begun.x == pytest.approx([3.0, 1.0, 2.0]) and begun.residual == pytest.approx([0.0, 0.0])
 
