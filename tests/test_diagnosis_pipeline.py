@@ -195,12 +195,17 @@ def test_more_of_a_log_is_fitted_where_an_effect_begins_after_the_part_that_woul
     assert found.likelihood.views[0].samples > 0.66 * size
 
 
+def bend_slowly(robot):
+    """Times (4000,) [s], and two sines of a tendon in a bent sheath, as its reference has them (4000, 3)."""
+    time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
+    angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
+    return time, np.column_stack([angle, np.gradient(angle, robot.machine.frame), np.ones_like(angle)])
+
+
 def test_effect_that_shows_after_the_fitted_part_is_taken_by_its_evidence():
     """A clock that gains 0.2 ms a second, beside play: play alone leaves no more than the stated noise at first."""
     robot = exo.load_robot("tendon_sheath")
-    time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
-    angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
-    motion = np.column_stack([angle, np.gradient(angle, robot.machine.frame), np.ones_like(angle)])
+    time, motion = bend_slowly(robot)
     quiet = robot.with_parameters({"reading.sigma.bending": 0.8 * robot["reading.sigma.bending"]})
     worn = quiet.splice("sheath.play", {"half_width": 0.1}).splice("reading.clock_skew", {"skew": 2e-4})
     case = gather_logs([simulate(worn, Reference(motion), seed=1)], (), robot.machine.frame)
@@ -214,9 +219,7 @@ def test_effect_that_shows_after_the_fitted_part_is_taken_by_its_evidence():
 def test_more_of_a_log_is_fitted_where_a_set_leaves_what_grows_after_the_part_that_would_be():
     """A drift beside play, which explains more than 95 % of the gap."""
     robot = exo.load_robot("tendon_sheath")
-    time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
-    angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
-    motion = np.column_stack([angle, np.gradient(angle, robot.machine.frame), np.ones_like(angle)])
+    time, motion = bend_slowly(robot)
     drift = 4.0 * robot["reading.repeatability"] / time[-1]
     worn = robot.splice("sheath.play", {"half_width": 0.1}).splice("reading.drift", {"rate": drift})
     case = gather_logs([simulate(worn, Reference(motion), seed=1)], (), robot.machine.frame)

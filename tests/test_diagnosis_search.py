@@ -164,13 +164,9 @@ def test_a_richer_law_begins_where_a_plainer_one_ended():
         common, plain, rich, factor = np.pad(row, (0, 4 - len(row)))
         return np.array([common - 3.0, plain + rich * factor - 2.0])
 
-    likelihood, (common,), shape = (
-        likelihood_of(formula, (2,)),
-        nominal(1, 1.0),
-        replace(amplitude("rich", 3), name="rich.factor"),
-    )
-    shape = replace(shape, amplitude=False, start=2.0)
-    plain, rich = (common, amplitude("plain", 1)), (common, amplitude("rich", 2), shape)
+    likelihood, factor = likelihood_of(formula, (2,)), replace(amplitude("rich", 3), name="rich.factor", start=2.0)
+    plain = *nominal(1, 1.0), amplitude("plain", 1)
+    rich = *nominal(1, 1.0), amplitude("rich", 2), replace(factor, amplitude=False)
     ended = explanation(likelihood, plain, np.array([3.0, 2.0]), np.zeros((1, 2)), ("plain",))
     astray = explanation(likelihood, rich, np.array([0.0, -7.0, 1.0]), np.zeros((1, 2)), ("rich",))
     begun = begin_as(likelihood, astray, "rich", ended, "plain")
