@@ -267,23 +267,6 @@ def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicte
     return groups.best(likelihood, [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()])
 
 
-def begin_as(likelihood: Likelihood, e: Explanation, effect: str, plain: Explanation, other: str) -> Explanation:
-    """A set where another one ended, in which a plainer law stands for one of its effects.
-
-    Amplitudes of the law are those that are called alike, or less of them; its further parameters begin anew.
-    """
-
-    def called(p: Parameter, law: str) -> tuple[str, str, tuple[str, ...]]:
-        return law, p.name.removeprefix(f"{p.effect}."), p.channels
-
-    known = {called(p, p.effect): p.value(x) for p, x in zip(plain.parameters, plain.x, strict=True)}
-    names = [called(p, other if p.effect == effect else p.effect) for p in e.parameters]
-    x = [p.coordinate(known[n]) if n in known else p.start for p, n in zip(e.parameters, names, strict=True)]
-    scaled = np.array([p.amplitude and p.effect == effect for p in e.parameters])
-    points = np.clip([np.where(scaled, less * np.array(x), x) for less in LESS], *e.bounds)
-    return Groups.of(likelihood, e).best(likelihood, e.at_each(likelihood, list(points)))
-
-
 def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[Predicted]) -> list[Explanation]:
     """Fits with one more effect, or two, beside those of an explanation, one for each prediction that is given.
 

@@ -22,11 +22,11 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
     COLUMNS,
     HALF,
+    LESS,
     ROUGH,
     Explanation,
     Groups,
     Predicted,
-    begin_as,
     fit_beside,
     linear_model,
     minimise,
@@ -161,6 +161,11 @@ class Search:
         return max(self.likelihood, self.fine, key=lambda one: one.samples).for_stage("fit on")
 
     @cached_property
+    def kinds(self) -> dict[str, tuple[str, str]]:
+        """Block and kind of each effect by its id."""
+        return {e.id: (e.block, name_kind(e)) for e in self.effects}
+
+    @cached_property
     def lin(self) -> Linearisation:
         """Directions of all effects beside the retuned robot, simulated where they are needed first."""
         self.progress(Stage.LINEARISE, "")
@@ -213,32 +218,33 @@ class Search:
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
         return gap / (gap + self.likelihood.views[0].problem.negligible ** 2), left / np.maximum(gap, 1e-12)
 
-    def list_plainer(self, key: frozenset[str]) -> Iterator[tuple[str, str, Fitted]]:
-        """Laws of a fitted set beside others of their kind with fewer parameters, fitted in their place."""
-        known, rich = {e.id: e for e in self.effects}, self.sets[key]
-        for effect in (i for i in key if i in known):
+    def list_plainer(self, key: frozenset[str]) -> Iterator[tuple[str, Fitted]]:
+        """Laws of a fitted set, each beside a set with one of its kind and fewer parameters in its place."""
+        rich = self.sets[key]
+        for effect in key & self.kinds.keys():
             for other, plain in self.find_replacements(rich, effect).items():
-                same = len({(known[i].block, name_kind(known[i])) for i in (effect, other)}) == 1
-                if same and len(plain.explanation.x) < len(rich.explanation.x):
-                    yield effect, other, plain
+                if self.kinds[effect] == self.kinds[other] and len(plain.explanation.x) < len(rich.explanation.x):
+                    yield effect, plain
+
+    def refit_richer_laws(self) -> None:
+        """Fit sets again that are less likely than with a plainer law of a kind, as they can do as much."""
+
+        def likelier(key: frozenset[str]) -> bool:
+            return any(self.evidence(plain) > self.evidence(self.sets[key]) for _, plain in self.list_plainer(key))
+
+        again = [key for key in self.sets if (key, PLAINER) not in self.expanded and likelier(key)]
+        self.expanded |= {(key, PLAINER) for key in again}
+        self.add(side_by_side([partial(self.fit_again, key) for key in again]))
 
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
 
         Not one that is better by as much as an effect for each further parameter must be, in the likeliest set that
-        holds it. A law that is less likely than the plainer one was fitted badly, as it can do as much: it is fitted
-        again from where that one ended.
+        holds it.
         """
-        likelihood, starts = self.likelihood.for_stage("refine"), dict[frozenset[str], Explanation]()
-        for key, rich in self.sets.items():
-            for effect, other, plain in self.list_plainer(key):
-                if (key, PLAINER) not in self.expanded and self.evidence(plain) > self.evidence(rich):
-                    starts[key] = begin_as(likelihood, rich.explanation, effect, plain.explanation, other)
-        self.expanded |= {(key, PLAINER) for key in starts}
-        self.add(side_by_side([partial(settle, likelihood, start) for start in starts.values()]))
         self.barred, decided = set(), dict[str, tuple[float, bool]]()
         for key, rich in self.sets.items():
-            for effect, _, plain in self.list_plainer(key) if self.usable(rich) else ():
+            for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
@@ -354,13 +360,12 @@ class Search:
         e = self.sets[key].explanation
         likelihood = self.likelihood.scaled_to(e.residual)
         far = bool(key) and self.sets[key].excess > FAR and not place
-        kinds = {x.id: (x.block, name_kind(x)) for x in self.effects}
-        alike = {i for i, kind in kinds.items() if kind == kinds.get(place)}
+        alike = {i for i, kind in self.kinds.items() if kind == self.kinds.get(place)}
         lin = self.lin
         if key:
             promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
             lin = self.linearise_beside(e, alike.union(promising), keep=not place)
-        predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects, alike)]
+        predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects, again=alike)]
         new = [p for p in predicted if key.union(p.probe.effects) not in self.sets]
         new.sort(key=lambda p: p.probe.effect not in alike)
         fitted += sum(p.probe.effect in alike for p in new)
@@ -370,6 +375,7 @@ class Search:
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
             if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
+        self.refit_richer_laws()
         self.bar_richer_laws()
 
     def linearise_beside(self, e: Explanation, wanted: Collection[str], keep: bool) -> Linearisation:
@@ -402,21 +408,32 @@ class Search:
             before = self.sets[key]
             if before.excess > most:
                 break
-            self.add([settle(self.likelihood.for_stage("refine again"), self.borrow(before.explanation))])
+            self.add([self.fit_again(key)])
             after = self.sets[key]
             if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot).whole < 0.0:
                 break
 
-    def borrow(self, e: Explanation) -> Explanation:
-        """A fit with the coordinates of sets like its own where these cost less, by joint where joints are separate.
+    def fit_again(self, key: frozenset[str]) -> Explanation:
+        """A set fitted on with new derivatives, from the coordinates of sets like it where these cost less, by joint.
 
-        Each fit ends in a minimum of its own: what one has found, another may lack.
+        Each fit ends in a minimum of its own: what one has found, another may lack. A law lends one of its kind in its
+        place what is called alike, or amplitudes less of it.
         """
-        likelihood = self.likelihood.scaled_to(e.residual).for_stage("refine again")
-        others = [(key.symmetric_difference(e.effects), f.explanation) for key, f in self.sets.items()]
-        known = [dict(zip(o.parameters, o.x, strict=True)) for apart, o in others if 0 < len(apart) <= ALIKE]
-        points = [np.array([x.get(p, own) for p, own in zip(e.parameters, e.x, strict=True)]) for x in known]
-        return Groups.of(likelihood, e).best(likelihood, e.at_each(likelihood, [e.x, *points]))
+        e = self.sets[key].explanation
+        likelihood, points = self.likelihood.scaled_to(e.residual).for_stage("refine again"), [e.x]
+
+        def called(p: Parameter) -> tuple:
+            return self.kinds.get(p.effect, p.effect), p.name.removeprefix(p.effect), p.channels
+
+        for other in (f.explanation for k, f in self.sets.items() if 0 < len(k ^ key) <= ALIKE):
+            known = dict(zip(other.parameters, other.x, strict=True))
+            lent = {called(p): p.value(x) for p, x in known.items() if p.effect and p.effect not in key}
+            lent = {p: p.coordinate(lent[called(p)]) for p in e.parameters if p not in known and called(p) in lent}
+            x = np.array([known.get(p, lent.get(p, own)) for p, own in zip(e.parameters, e.x, strict=True)])
+            scaled = np.array([p.amplitude and p in lent for p in e.parameters])
+            points += [np.where(scaled, less * x, x) for less in (LESS if lent else LESS[:1])]
+        begun = e.at_each(likelihood, list(np.clip(points, *e.bounds)))
+        return settle(likelihood, Groups.of(likelihood, e).best(likelihood, begun))
 
     def fit_on(self, fitted: Fitted, jacobian: np.ndarray | None = None) -> Fitted:
         """A set fitted on to more of the logs: a part tells which set is best, values are as exact as it is long.
@@ -570,7 +587,7 @@ class Search:
 
         again: those that may, though they are barred.
         """
-        kinds = [(x.block, name_kind(x)) for x in self.effects if x.id in key.union(effects)]
+        kinds = [self.kinds[i] for i in key.union(effects)]
         alone = [kind for kind in kinds if kind[1] in ONE]
         return len(alone) == len(set(alone)) and not self.barred.difference(again).intersection(effects)
 
