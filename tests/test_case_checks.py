@@ -179,7 +179,7 @@ def test_a_log_in_another_unit_shows_by_its_references_and_limits():
     (found,) = suspicions(case, ROBOT)
     assert "tension_ref_AF, tension_ref_MF, tension_ref_AE of c.csv: another unit than N?" in found
     largest = np.abs(case.logs[SECOND].log["tension_ref_AF"]).max()
-    assert f"tension_ref_AF reaches {largest:.4g} N, its limit is 12 N" in found
+    assert f"tension_ref_AF reaches {largest:.4g} N, the limit in the robot file is 12 N" in found
 
 
 @pytest.mark.parametrize("log", [SECOND, HELD])
@@ -269,6 +269,23 @@ def test_a_held_out_log_with_fitted_samples_is_named(part, constant):
     assert fired(changed(copied, lambda v: v + constant, STROKES + TENSIONS, [HELD])) - {"unlike_other_logs"} == {
         "copied_logs"
     }
+
+
+def test_coarse_logs_that_repeat_a_motion_are_no_copies_of_each_other():
+    """Few of their windows are unlike; a copy of one, cut, still is one."""
+    case, step = case_of("sensor.gain"), 0.1
+
+    def record(seed):
+        time, rng = np.arange(1200), np.random.default_rng(seed)
+        swing = 2.0 + 1.9 * np.sin(0.05 * time + 0.3 * np.cumsum(rng.standard_normal(1200)) / 30.0)
+        return case.logs[seed].log.rows(slice(0, 1200)).with_signals(
+            {c: step * np.rint(swing / step) for c in case.logs[0].log.signals if c.split("_")[0] != "time"}, {}
+        )
+
+    logs = [replace(item, log=record(k), repeats=None) for k, item in enumerate(case.logs)]
+    assert "copied_logs" not in fired(replace(case, logs=tuple(logs)))
+    logs[HELD] = replace(logs[HELD], log=logs[0].log.rows(slice(100, 900)))
+    assert "copied_logs" in fired(replace(case, logs=tuple(logs)))
 
 
 def test_a_case_without_held_out_log_says_so():

@@ -5,7 +5,7 @@ Most compare a statistic of a measured channel with the nominal robot's; the las
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import chain, combinations, pairwise, product
 from textwrap import shorten
@@ -30,6 +30,7 @@ ROUNDING = 1e-6  # of a column's motion over all logs: less is rounding
 MATCH = 8  # frames in a row that are compared
 HELD = 3  # samples in a row that count as held: noise repeats a rounded value now and then
 SATURATED = 0.05  # of the samples: less hardly matters (assumed)
+SPAN = 6.0  # standard deviations of noise between its largest and least values, about
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
 NOISIER = "vibration, or noisier sensors? Set"
@@ -97,7 +98,8 @@ def nothing_held_out(comparison: Comparison) -> Iterator[str]:
 def copied_logs(comparison: Comparison) -> Iterator[str]:
     """A log holds samples of another one, or these plus a constant, perhaps cut or shifted.
 
-    Logs are compared by hashes of the changes in successive windows, motionless windows left out.
+    Logs are compared by hashes of the changes in successive windows. Those that come once in each lie as far apart in
+    a copy, wherever they are; coarse readings and motions that repeat have windows alike by chance.
     """
     spread = np.vstack([pair.measured for pair in comparison.pairs]).std(axis=0)
     fine = ROUNDING * np.where(spread > 0.0, spread, 1.0)
@@ -106,10 +108,12 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
     for pair in (pair for pair in comparison.pairs if len(pair.measured) > MATCH):
         steps = np.rint(np.diff(pair.measured, axis=0) / fine).astype(np.int64)
         hashes = np.einsum("ncm,cm->n", sliding_window_view(steps, MATCH, axis=0), keys)
-        prints.append((pair.item, np.unique(hashes[hashes != 0])))
+        found, first, count = np.unique(hashes, return_index=True, return_counts=True)
+        once = (count == 1) & (found != 0)
+        prints.append((pair.item, dict(zip(found[once].tolist(), first[once].tolist(), strict=True))))
     for (a, one), (b, other) in combinations(prints, 2):
-        fewer, more = sorted((one, other), key=len)
-        if len(fewer) and np.isin(fewer, more).mean() > HALF:
+        apart = Counter(other[window] - one[window] for window in one.keys() & other.keys())
+        if max(apart.values(), default=0) > HALF * min(len(one), len(other)):
             roles = "so that nothing new is held out" if a.role != b.role else "so that it counts twice"
             yield f"{b.file} holds the samples of {a.file} (a constant apart), {roles}"
 
@@ -136,7 +140,8 @@ def references_beyond_limits(comparison: Comparison) -> dict[str, str]:
         if (worst := int(ratios.argmax())) in (beyond := np.flatnonzero(ratios > ANOTHER_UNIT)):
             found[
                 f"{list_few(columns[k] for k in beyond)} of {pair.item.file}: another unit than {unit}? "
-                f"{columns[worst]} reaches {largest[worst]:.4g} {unit}, its limit is {limits[worst]:.4g} {unit}"
+                f"{columns[worst]} reaches {largest[worst]:.4g} {unit}, the limit in the robot file is "
+                f"{limits[worst]:.4g} {unit}"
             ] = pair.item.file
     return found
 
@@ -196,10 +201,12 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
         for log in (k for k, own in enumerate(runs) if own):
             one, nominal, (n, start, own) = values[log], nominals[log], max(runs[log], key=lambda run: run[0])
             stuck = [moved for *_, moved in chain(*runs[:log], *runs[log + 1 :])]
-            frozen = own > BEYOND * max([SMALL, *stuck, *other.errors(column, log)])
-            # or the samples change all the time but in this run, which is no end of the range
             item, run = comparison.pairs[log].item, slice(start, start + n)
-            rest = np.delete(one, run)
+            rest, left = (np.delete(x, run) for x in (one, other.measured[log][:, column] - other.predict(column, log)))
+            # of fewer than three logs, what the rest of this one leaves says how far to trust a prediction
+            usual = other.errors(column, log) or [np.std(left) if len(left) else 0.0]
+            frozen = own > BEYOND * max([SMALL, *stuck, *usual])
+            # or the samples change all the time but in this run, which is no end of the range
             if len(rest) >= LONG and n >= BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
                 outside = Channel(name, item.file, rest, np.delete(nominal, run))
                 noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
@@ -227,7 +234,11 @@ def clipped_channels(comparison: Comparison) -> Iterator[str]:
     """A channel stays at an end of its range again and again, far more than elsewhere and than the nominal robot's."""
     found = []
     for channel in comparison.channels:  # one visit is none: so looks a robot at rest, and a channel that died
-        (ends, elsewhere), (nominal, _) = held_shares(channel.measured, 2), held_shares(channel.nominal, 2)
+        ends, elsewhere = held_shares(channel.measured, 2)
+        # of the nominal one without its noise: it may rest there
+        margin = SPAN * max(channel.nominal_noise, find_step(channel.nominal))
+        low, high = channel.nominal.min() + margin, channel.nominal.max() - margin
+        nominal = held_shares(np.clip(channel.nominal, low, high), 2)[0] if low < high else 1.0
         found += [channel] if ends > max(SATURATED, BEYOND * nominal, BEYOND * elsewhere) else []
     if found:
         yield f"{list_places(found)} again and again stay at one value at an end of their range: is the signal clipped?"
