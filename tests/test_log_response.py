@@ -20,6 +20,12 @@ def made(seed: int, noise: float, n: int = 4000) -> exo.Log:
     return exo.Log(DT * np.arange(n), {"tension_AF": u, "angle_PIP": signal.lfilter(*FILTER, u) + noise * e})
 
 
+def tones_at(t):
+    """A tone on every line of a segment of 2 s from 2 to 20 Hz, with scattered phases."""
+    lines = np.arange(2.0, 20.0, 0.5)[:, None]
+    return np.sin(2.0 * np.pi * lines * t + lines**2)
+
+
 def truth(frequency):
     return signal.freqz(*FILTER, worN=frequency, fs=1.0 / DT)[1]
 
@@ -45,6 +51,24 @@ def test_estimate_coherence_and_radius_are_those_of_scipy():
     assert found.segments == pytest.approx(n / 2.0)
     square = 2.0 / (n - 2.0) * stats.f.ppf(0.9, 2, n - 2.0) * ((1.0 - coherence) * yy / uu)[1:]
     assert np.allclose(found.radius, np.sqrt(square))
+
+
+def test_a_slow_swing_resolves_no_line_where_the_input_is_silent():
+    """Its trend in each segment leaks everywhere, and a delay of a trend is but an offset: there is no phase in it."""
+    time, rng, late = DT * np.arange(1000), np.random.default_rng(0), 0.065
+
+    def respond(tones):
+        u, y = (6.0 * np.sin(0.44 * t) + tones * tones_at(t).sum(axis=0) for t in (time, time - late))
+        log = exo.Log(time, {"tension_AF": u, "angle_PIP": y + 1e-5 * rng.standard_normal(len(u))})
+        found = exo.frequency_response(log, "tension_AF", "angle_PIP", segment=2.0)
+        return found, (found.frequency > 2.0) & (found.frequency < 20.0)
+
+    silent, fast = respond(0.0)
+    assert not silent.resolved[fast].any()
+    spoken, fast = respond(0.1)
+    shown = spoken.resolved & fast
+    phase = np.degrees(np.unwrap(np.angle(spoken.response[shown]))) + 360.0 * late * spoken.frequency[shown]
+    assert shown.sum() > 10 and np.abs(phase - 360.0 * np.round(phase / 360.0)).max() < 3.0
 
 
 def test_ninety_percent_regions_cover_ninety_percent():

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 HANN = 18.0 / 19.0  # independent segments in one of Hann windows that overlap by half (Welch 1967)
 SEGMENTS, QUARTERS = 8, 4  # lengths of a segment in all logs, and in the shortest: fifteen averages; assumed
 RESOLVED = 0.5  # a response is resolved where its radius is at most this share of it: 3.5 dB and 30 deg; assumed
+LEAKED = 0.75  # share of the input's power from which a line shows other lines: noise reaches 0.5; assumed
+LOW = "blackmanharris"  # window whose side lobes lie at -92 dB, those of Hann's at -31 dB (Harris 1978)
 CLOCKS = 1e-3  # relative difference of two sampling periods that count as one
 CONFIDENCE = 0.9
 MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
@@ -52,6 +54,7 @@ class LogResponse:
     high: np.ndarray
     models: dict[str, np.ndarray]  # robot -> complex response (f,) of its log [unit]
     power: np.ndarray  # (f,) density of the output [its unit^2/Hz]
+    leaked: np.ndarray  # (f,) share of the input's power that comes from other lines
     segments: float  # number of independent ones
     logs: tuple[str, ...]
 
@@ -71,9 +74,10 @@ class LogResponse:
     def resolved(self) -> np.ndarray:
         """Mask (f,) of the lines [-] whose radius is at most half of the response, in the band where these prevail.
 
-        No other band has a larger number of such lines less that of the rest.
+        No other band has a larger number of such lines less that of the rest. A line whose input leaked from others,
+        as from a slow swing, is none: it shows the response there.
         """
-        clear = self.radius <= RESOLVED * np.abs(self.response)
+        clear = (self.radius <= RESOLVED * np.abs(self.response)) & (self.leaked <= LEAKED)
         excess = np.concatenate([[0], np.cumsum(np.where(clear, 1, -1))])
         last = int(np.argmax(excess - np.minimum.accumulate(excess)))
         first = int(np.argmin(excess[: last + 1]))
@@ -226,6 +230,7 @@ def estimate_response(
             "segments of four rows at least"
         )
     frequency, uu, uy, yy = cross_spectra(logs, counts, input, output, length)
+    leaked = np.maximum(1.0 - cross_spectra(logs, counts, input, output, length, LOW)[1] / uu, 0.0)
     h, coherence = uy / uu, np.minimum(np.abs(uy) ** 2 / (uu * yy), 1.0)
     radius = np.sqrt((1.0 - coherence) * yy / uu * ((1.0 - CONFIDENCE) ** (-1.0 / (count - 1.0)) - 1.0))
     spectra = {name: cross_spectra(found, counts, input, output, length) for name, found in runs.items()}
@@ -236,11 +241,11 @@ def estimate_response(
     unit = above if below == "-" else f"{'1' if above == '-' else above}/{below}"
     ends = np.maximum(np.abs(h) - radius, 0.0), np.abs(h) + radius
     names = tuple(log.label for log in logs)
-    return LogResponse(input, output, unit, frequency, h, coherence, *ends, models, yy, count, names)
+    return LogResponse(input, output, unit, frequency, h, coherence, *ends, models, yy, leaked, count, names)
 
 
 def cross_spectra(
-    logs: Sequence[Log], counts: Sequence[int], input: str, output: str, length: int
+    logs: Sequence[Log], counts: Sequence[int], input: str, output: str, length: int, window: str = "hann"
 ) -> tuple[np.ndarray, ...]:
     """Frequencies (f,) [Hz] above 0, and spectra (f,) [SI] of input, from input to output, and of output.
 
@@ -249,7 +254,7 @@ def cross_spectra(
     frequency, total = np.zeros(0), np.zeros((2, 2, 1))
     for log, count in zip(logs, counts, strict=True):
         rows = np.array([fill_gaps(log[name], f"{log.label}, column {name!r}") for name in (input, output)])
-        frequency, spectra = csd(rows[:, None], rows[None], 1.0 / log.dt, nperseg=length)
+        frequency, spectra = csd(rows[:, None], rows[None], 1.0 / log.dt, nperseg=length, window=window)
         total = total + np.asarray(spectra) * count / sum(counts)
     return frequency[1:], total[0, 0, 1:].real, total[0, 1, 1:], total[1, 1, 1:].real
 
