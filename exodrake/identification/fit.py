@@ -222,14 +222,14 @@ def fit(
         above, below = (residual(base + end @ scales) for end in ends)
         return ((above - below) / np.diag(ends[0] - ends[1])[:, None]).T
 
-    def refuse_alike(slopes: np.ndarray) -> None:
-        """InputError for columns of a Jacobian (samples, parameters) that are zero or dependent."""
+    def say_alike(slopes: np.ndarray) -> str:
+        """What columns of a Jacobian (samples, parameters) that are zero or dependent mean; empty without any."""
         sizes = np.linalg.norm(slopes, axis=0)
         for name, size in zip(names, sizes, strict=True):
             if not size:
-                raise InputError(f"{case.name}: {name} moves none of {', '.join(problem.columns)}, so no fit finds it")
-        if np.linalg.cond(slopes / sizes) > ALIKE:
-            raise InputError(f"{case.name}: {', '.join(names)} act alike on these logs; free fewer of them")
+                return f"{name} moves none of {', '.join(problem.columns)}, so no fit finds it"
+        alike = np.linalg.cond(slopes / sizes) > ALIKE
+        return f"{', '.join(names)} act alike on these logs; free fewer of them" if alike else ""
 
     def minimise(start: np.ndarray) -> Any:
         """The least-squares fit from coordinates (parameters,)."""
@@ -242,13 +242,17 @@ def fit(
     spread = spread_starts(base, scales, low, high)
     costs = [float(left @ left) for (left,) in (residual((base + x @ scales)[None]) for x in spread)]
     starts = [np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]]]
-    # where it is best: a time constant, say, has no slope at 0
-    refuse_alike(jacobian(starts[int(min(costs) < before @ before)]))
+    # at one start at least: a time constant, say, has no slope at 0
+    found_alike = [say_alike(jacobian(x)) for x in starts]
+    if all(found_alike):
+        raise InputError(f"{case.name}: {found_alike[0]}")
     minima = [minimise(x) for x in starts]
     found = min(minima, key=lambda one: one.cost)
     x, left, slopes = found.x, found.fun, found.jac
-    refuse_alike(slopes)
-    fitted, stretches = base + x @ scales, []
+    fitted, firsts, stretches = base + x @ scales, [machine.index[name.split()[0]] for name in names], []
+    if alike := say_alike(slopes):
+        ended = ", ".join(f"{name} {value:.4g}" for name, value in zip(names, fitted[firsts], strict=True))
+        raise InputError(f"{case.name}: where the fit ends, at {ended}, {alike}")
     frames = sum(len(trial.measured) for trial in problem.fit)
     length = max(frames // max(BLOCKS, 4 * len(x)), min(int(REPEATS * longest(problem)), frames // FEWEST), 1)
     for view in views:  # number of the stretch of time that each sample lies in
@@ -264,7 +268,6 @@ def fit(
     moved = [apply(fitted, [p], np.array([STEP * p.prior_std])) for p in others]
     shifts = (residual(np.array(moved)) - left) / STEP @ slopes @ inverse if moved else np.zeros((0, len(x)))
     covariance, white = own + shifts.T @ shifts, inverse * (left @ left) / max(len(left) - len(x), 1)
-    firsts = [machine.index[name.split()[0]] for name in names]
     start, size = problem.robot.values[firsts], scales[np.arange(len(names)), firsts]
     std, wide = np.sqrt(np.diag(covariance)), float(student.ppf(0.5 + 0.5 * CONFIDENCE, blocks - 1))
     ends = np.clip(x + wide * std * np.array([[-1.0], [1.0]]), low, high)
