@@ -393,7 +393,7 @@ def test_no_place_prints_a_percentage_below_minus_100():
 def test_held_out_motion_that_contradicts_the_verdict_is_in_the_headline():
     problem = simulated_logs().problem
     steps = {
-        Interval(-0.13, -0.67, -0.03): (False, "held-out motion contradicts it"),
+        Interval(-0.13, -0.67, -0.03): (False, "Held-out motion contradicts this: "),
         Interval(0.13, -0.2, 0.4): (False, "held-out motion does not confirm it"),
         Interval(0.95, 0.91, 0.97): (True, "6 % remains."),
     }

@@ -245,14 +245,16 @@ def headline(diagnosis: Diagnosis) -> str:
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
         if left.value < LEAST_SHARE:
-            words += f"; {size} remain on {worst}" if seen else "; nothing remains"
+            words += f"; {size} remain on {worst}" if seen and not beyond else "; nothing remains"
         else:
             partly = diagnosis.verdict == result.PARTLY
             words += f"; {share(left.value)} remains{f' in the {left.block}' if partly and left.block else ''}"
             words += regime_words(left.regime) if partly else ""
-            words += f", most on {worst} ({size})" if worst and (partly or seen) else ""
+            words += f", most on {worst} ({size})" if worst and (partly or seen) and not beyond else ""
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
-    return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
+    contradicted = diagnosis.confirmed is False and doubt == "contradicts"  # the reader's first news
+    words = f"held-out motion contradicts this: {words}" if contradicted else words
+    return f"{words[:1].upper()}{words[1:]}{beyond}{'' if contradicted else unconfirmed}{closed}."
 
 
 def regime_words(regime: Mapping[str, float]) -> str:
