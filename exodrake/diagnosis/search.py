@@ -245,8 +245,7 @@ class Search:
         self.barred, decided = set(), dict[str, tuple[float, bool]]()
         for key, rich in self.sets.items():
             for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
-                smaller = self.sets.get(key - {effect})
-                gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
+                gain = self.measure_left(self.best_within(key - {effect})) - self.measure_left(rich)
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
                 more = len(rich.explanation.x) - len(plain.explanation.x)
                 here = self.evidence(rich), as_good and self.usable(plain) and not self.beats(rich, plain, more)
@@ -273,10 +272,14 @@ class Search:
         return {next(iter(k - rest)): f for k, f in others.items()}
 
     def list_rivals(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
-        """Effects in the place of one, which takes up a `gain` of the gap, that leave no more or are as likely."""
+        """Effects in the place of one, which takes up a `gain` of the gap, that leave no more or are as likely.
+
+        No plainer law of its kind: either that is better by `bar_richer_laws`, or it is no rival.
+        """
         found, left = dict[str, Fitted](), self.measure_left(best)
+        plainer = [plain for law, plain in self.list_plainer(best.effects) if law == effect]
         for i, other in self.find_replacements(best, effect).items():
-            if self.usable(other):
+            if self.usable(other) and other not in plainer:
                 memory = min(best.memory, other.memory)
                 as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
                 if as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left):
