@@ -274,13 +274,12 @@ def test_a_held_out_log_with_fitted_samples_is_named(part, constant):
 def test_coarse_logs_that_repeat_a_motion_are_no_copies_of_each_other():
     """Few of their windows are unlike; a copy of one, cut, still is one."""
     case, step = case_of("sensor.gain"), 0.1
+    columns = [c for c in case.logs[0].log.signals if c != "time"]
 
-    def record(seed):
-        time, rng = np.arange(1200), np.random.default_rng(seed)
-        swing = 2.0 + 1.9 * np.sin(0.05 * time + 0.3 * np.cumsum(rng.standard_normal(1200)) / 30.0)
-        return case.logs[seed].log.rows(slice(0, 1200)).with_signals(
-            {c: step * np.rint(swing / step) for c in case.logs[0].log.signals if c.split("_")[0] != "time"}, {}
-        )
+    def record(k):
+        turns = np.cumsum(np.random.default_rng(k).standard_normal(1200)) / 100.0
+        swing = step * np.rint((2.0 + 1.9 * np.sin(0.05 * np.arange(1200) + turns)) / step)
+        return case.logs[k].log.rows(slice(0, 1200)).with_signals(dict.fromkeys(columns, swing), {})
 
     logs = [replace(item, log=record(k), repeats=None) for k, item in enumerate(case.logs)]
     assert "copied_logs" not in fired(replace(case, logs=tuple(logs)))

@@ -154,11 +154,10 @@ def isolate(
     else:
         retuned = fit_nominal(likelihood, start.at_each(likelihood, [start.x])[0])
         if (hidden := excess(retuned.robot)).shown < HIDDEN:
-            more = hidden.needed
-            wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
+            wide = make_likelihood(whole.shorten(affordable(problem, hidden.needed)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
             if excess(by_more.robot).whole >= 0.0:
-                return isolate(problem, progress, more)
+                return isolate(problem, progress, hidden.needed)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     share = max(SCREENED, affordable(short, LEAST_SCREENED))

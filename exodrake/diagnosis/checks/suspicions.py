@@ -382,9 +382,8 @@ def motion_noise(comparison: Comparison) -> dict[str, float]:
             if noise := fast_noise(position, ORDERS[0]):
                 moved[:, places[1]] += noise * response_rms(position, acceleration)
                 squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(pairs)
-    of_joint = {c.rsplit("_", 1)[1]: float(np.sqrt(x)) for c, x in zip(comparison.columns, squares, strict=True) if x}
-    joints = {parameter: parameter.rsplit(".", 1)[1] for parameter in machine.noise}
-    return {parameter: of_joint[joint] for parameter, joint in joints.items() if joint in of_joint}
+    found = list(zip(comparison.columns, np.sqrt(squares).tolist(), strict=True))
+    return {p: x for p in machine.noise for c, x in found if x and p.rsplit(".", 1)[-1] == c.rsplit("_", 1)[1]}
 
 
 def response_rms(before: np.ndarray, after: np.ndarray) -> float:
