@@ -251,10 +251,10 @@ def headline(diagnosis: Diagnosis) -> str:
             words += f"; {share(left.value)} remains{f' in the {left.block}' if partly and left.block else ''}"
             words += regime_words(left.regime) if partly else ""
             words += f", most on {worst} ({size})" if worst and (partly or seen) and not beyond else ""
+    if diagnosis.confirmed is False and doubt == "contradicts":  # the reader's first news
+        return f"Held-out motion contradicts this: {words}{beyond}."
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
-    contradicted = diagnosis.confirmed is False and doubt == "contradicts"  # the reader's first news
-    words = f"held-out motion contradicts this: {words}" if contradicted else words
-    return f"{words[:1].upper()}{words[1:]}{beyond}{'' if contradicted else unconfirmed}{closed}."
+    return f"{words[:1].upper()}{words[1:]}{beyond}{unconfirmed}{closed}."
 
 
 def regime_words(regime: Mapping[str, float]) -> str:
