@@ -55,7 +55,8 @@ def answered(case: Path, out: Path, kernel: str) -> dict[str, Any]:
         words = [sys.executable, "-m", "exodrake", "diagnose", str(case), "--jobs", "1", "--json", str(path)]
         run = subprocess.run(words, env=environment(kernel), capture_output=True, text=True)
         if run.returncode:
-            raise InputError(f"{case} with {kernel}: {run.stderr.strip()[-500:]}")
+            why = run.stderr.strip()[-500:] or f"ended by {run.returncode}, as where a processor lacks instructions"
+            raise InputError(f"{case} with {kernel}: {why}")
     return json.loads(path.read_text())
 
 
