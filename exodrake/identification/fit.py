@@ -242,10 +242,9 @@ def fit(
     spread = spread_starts(base, scales, low, high)
     costs = [float(left @ left) for (left,) in (residual((base + x @ scales)[None]) for x in spread)]
     starts = [np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]]]
-    # at one start at least: a time constant, say, has no slope at 0
-    found_alike = [say_alike(jacobian(x)) for x in starts]
-    if all(found_alike):
-        raise InputError(f"{case.name}: {found_alike[0]}")
+    # parameters have to differ at one start: a time constant, say, has no slope at 0
+    if (alike := say_alike(jacobian(starts[0]))) and all(say_alike(jacobian(x)) for x in starts[1:]):
+        raise InputError(f"{case.name}: {alike}")
     minima = [minimise(x) for x in starts]
     found = min(minima, key=lambda one: one.cost)
     x, left, slopes = found.x, found.fun, found.jac
