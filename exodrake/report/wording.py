@@ -209,7 +209,8 @@ def headline(diagnosis: Diagnosis) -> str:
     beyond = f"; on held-out motion {size} remain on {worst}" if seen and held_out else ""
     if diagnosis.verdict == result.NO_GAP:
         return f"What the nominal robot leaves beyond noise is negligible on every signal{beyond}."
-    doubt = "contradicts" if diagnosis.closure.effect.high < 0.0 else "does not confirm"
+    contradicted = diagnosis.confirmed is False and diagnosis.closure.effect.high < 0.0
+    doubt = "contradicts" if contradicted else "does not confirm"
     unconfirmed = f"; held-out motion {doubt} it" if diagnosis.confirmed is False else ""
     if diagnosis.verdict == result.RETUNE:
         moved = diagnosis.retune.moved  # the largest change first
@@ -251,7 +252,7 @@ def headline(diagnosis: Diagnosis) -> str:
             words += f"; {share(left.value)} remains{f' in the {left.block}' if partly and left.block else ''}"
             words += regime_words(left.regime) if partly else ""
             words += f", most on {worst} ({size})" if worst and (partly or seen) and not beyond else ""
-    if diagnosis.confirmed is False and doubt == "contradicts":  # the reader's first news
+    if contradicted:  # first of all: the answer is doubtful
         return f"Held-out motion contradicts this: {words}{beyond}."
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
     return f"{words[:1].upper()}{words[1:]}{beyond}{unconfirmed}{closed}."
