@@ -226,8 +226,12 @@ class Search:
                 if self.kinds[effect] == self.kinds[other] and len(plain.explanation.x) < len(rich.explanation.x):
                     yield effect, plain
 
-    def refit_richer_laws(self) -> None:
-        """Fit sets again that are less likely than with a plainer law of a kind, as they can do as much."""
+    def bar_richer_laws(self) -> None:
+        """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
+
+        Not one that is better by as much as an effect for each further parameter must be, in the likeliest set that
+        holds it. Sets that are less likely than with a plainer law are fitted again before, as they can do as much.
+        """
 
         def likelier(key: frozenset[str]) -> bool:
             return any(self.evidence(plain) > self.evidence(self.sets[key]) for _, plain in self.list_plainer(key))
@@ -235,13 +239,6 @@ class Search:
         again = [key for key in self.sets if (key, PLAINER) not in self.expanded and likelier(key)]
         self.expanded |= {(key, PLAINER) for key in again}
         self.add(side_by_side([partial(self.fit_again, key) for key in again]))
-
-    def bar_richer_laws(self) -> None:
-        """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
-
-        Not one that is better by as much as an effect for each further parameter must be, in the likeliest set that
-        holds it.
-        """
         self.barred, decided = set(), dict[str, tuple[float, bool]]()
         for key, rich in self.sets.items():
             for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
@@ -378,7 +375,6 @@ class Search:
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
             if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
-        self.refit_richer_laws()
         self.bar_richer_laws()
 
     def linearise_beside(self, e: Explanation, wanted: Collection[str], keep: bool) -> Linearisation:
@@ -495,6 +491,7 @@ class Search:
 
         self.add(side_by_side([partial(fit, f.explanation) for key, f in before.sets.items() if key]))
         self.expanded = {(key, place) for key, place in before.expanded if place or not key}
+        self.bar_richer_laws()
 
     def reduce(self, key: frozenset[str], again: bool = False) -> None:
         """Fit the sets with one effect less, from this set; again: also those that were fitted from elsewhere."""
