@@ -154,7 +154,7 @@ def test_samples_that_frames_drop_or_repeat_are_counted(tmp_path):
     (fast,) = import_recording(table(tmp_path / "a.csv", EVEN / 10), given).notes
     assert "100 samples on 10 frames of 20 ms: 90 dropped" in fast
     (slow,) = import_recording(table(tmp_path / "a.csv", EVEN * 1.25), given).notes
-    assert "100 samples on 124 frames of 20 ms: the sample before again in 24" in slow and "tension_AF" in slow
+    assert "100 samples on 124 frames of 20 ms: 24 repeat the sample before" in slow and "tension_AF" in slow
     both = Mapped((*TABLE.columns, Column("x", "tension_MF", "N")), time="t", period=0.02)
     (said,) = import_recording(table(tmp_path / "a.csv", EVEN / 10), both).notes
     assert "all columns: 100 samples on 10 frames" in said and "tension" not in said

@@ -392,7 +392,7 @@ def lay_on_frames(
         empty = np.flatnonzero(taken < 0)
         kinds = {
             f"{len(left)} dropped for a newer one in the same frame": track.time[left],
-            f"the sample before again in {len(again)}": time[again], f"{len(empty)} left empty": time[empty],
+            f"{len(again)} repeat the sample before": time[again], f"{len(empty)} left empty": time[empty],
         }  # fmt: skip
         kept = [f"{what}, the first at {at[0]:.10g} s" for what, at in list(kinds.items())[2 * between :] if len(at)]
         parts = "; ".join([*(["interpolated"] if between else []), *kept])

@@ -196,7 +196,7 @@ def find_problems(
         if e.share < SMALL:
             yield f"{e.column} uses {percent(e.share)} of the span between its limits"
         if e.reversals < REVERSALS:
-            yield f"{e.column} turns {e.reversals} times: play and friction need reversals"
+            yield f"{e.column} reverses too seldom ({e.reversals}) to show play and friction"
 
 
 def judge_clock(log: Log, file: str, frame: float) -> Clock:

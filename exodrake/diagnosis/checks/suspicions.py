@@ -194,15 +194,16 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
         if np.ptp(np.concatenate(values)) == 0.0:
             found += [f"{name} of every log"] if any(np.ptp(nominal) > 0.0 for nominal in nominals) else []
             continue
-        runs = []  # of one value, in each log: length, start, and the motion that is predicted
-        for log, one in enumerate(values):
-            predicted = other.predict(column, log)
-            runs.append([(n, s, np.std(predicted[s : s + n])) for s, n in zip(*find_runs(one)) if n >= LONG])
+        expected = [other.predict(column, log) for log in range(len(values))]
+        runs = [  # of one value, in each log: length, start, and the motion that is predicted
+            [(n, s, np.std(predicted[s : s + n])) for s, n in zip(*find_runs(one)) if n >= LONG]
+            for one, predicted in zip(values, expected, strict=True)
+        ]
         for log in (k for k, own in enumerate(runs) if own):
             one, nominal, (n, start, own) = values[log], nominals[log], max(runs[log], key=lambda run: run[0])
             stuck = [moved for *_, moved in chain(*runs[:log], *runs[log + 1 :])]
             item, run = comparison.pairs[log].item, slice(start, start + n)
-            rest, left = (np.delete(x, run) for x in (one, other.measured[log][:, column] - other.predict(column, log)))
+            rest, left = (np.delete(x, run) for x in (one, other.measured[log][:, column] - expected[log]))
             # of fewer than three logs, what the rest of this one leaves says how far to trust a prediction
             usual = other.errors(column, log) or [np.std(left) if len(left) else 0.0]
             frozen = own > BEYOND * max([SMALL, *stuck, *usual])
