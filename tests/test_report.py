@@ -127,9 +127,14 @@ def test_rivals_belong_to_one_cause_and_the_others_stand_besides():
     base = replace(found.effects[0], wires=(), joints=("base",), id="servo.latency", kind="delay")
     base = replace(base, rivals=(replace(base.rivals[0], id="servo.lag"),), share=Interval(0.7, 0.6, 0.8))
     besides = replace(found.effects[1], joints=(), id="encoder.hysteresis", role="cause")
-    text = wording.headline(replace(found, effects=(besides, base)))
+    text = wording.headline(replace(found, effects=(base, besides)))  # the largest first
     assert "cannot tell latency (servo.latency) from lag (servo.lag) at joint base, which explains 70 %" in text
     assert "; hysteresis (encoder.hysteresis) in the encoder besides explains 3 % of it; 6 % remains" in text
+    larger = replace(besides, share=Interval(0.8, 0.7, 0.9))
+    text = wording.headline(replace(found, effects=(larger, base)))
+    assert (
+        "hysteresis (encoder.hysteresis) in the encoder explains 80 % of the gap; the logs cannot tell" in text.lower()
+    )
     alone = wording.headline(replace(found, effects=(replace(base, joints=("joint",)),)))
     assert "from lag (servo.lag) at the joint, which" in alone, "whose name says no more"
 

@@ -229,15 +229,16 @@ def headline(diagnosis: Diagnosis) -> str:
         if best and explained > LEAST_SHARE:
             text += f"; the best set, {best.id}, would explain {share(explained)} of it"
         return f"{text}{unconfirmed}."
-    said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
-    for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
+    said, named, found = list[str](), "explains {} of the gap", causes(diagnosis)  # by each cause
+    ambiguous = bool(found and found[0].rivals)  # the largest: those like it come first
+    for effect in sorted(found, key=lambda e: bool(e.rivals) != ambiguous):
         (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
         explained = named.format(share(effect.share.value).replace("<", "less than")) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
             others = join_words([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
-            lead = "the logs cannot tell" if not said else "nor"
+            lead = "nor" if any("the logs cannot tell" in words for words in said) else "the logs cannot tell"
             said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
             besides = " besides" if said and diagnosis.verdict == result.AMBIGUOUS else ""
