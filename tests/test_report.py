@@ -17,7 +17,7 @@ from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulate
 from rich.console import Console
 
 from exodrake.data.log import Log
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval, Rival
 from exodrake.model.display import find_display
 from exodrake.report import wording
 from exodrake.report.diagnosis_html import CURVE_LEVELS, MOST_SAMPLES, SimulatedLogs, curves, render_report, which
@@ -137,6 +137,18 @@ def test_rivals_belong_to_one_cause_and_the_others_stand_besides():
     )
     alone = wording.headline(replace(found, effects=(replace(base, joints=("joint",)),)))
     assert "from lag (servo.lag) at the joint, which" in alone, "whose name says no more"
+
+
+def test_a_rival_is_shown_with_its_own_values():
+    found = diagnosis(AMBIGUOUS)
+    cause, other = found.effects
+    robot = Rival((cause.rivals[0].id, other.id), {"tendon.coulomb_friction.force.AF": 0.25, "finger.kappa.MCP": 0.09})
+    assert wording.rival_values(found, cause, cause.rivals[0].id) == []
+    found = replace(found, rivals=(Rival((cause.id, other.id), {}), robot))
+    console = Console(record=True, width=200, file=StringIO())
+    print_summary(found, console)
+    for text in (console.export_text(), visible(render_report(found, simulated_logs(frames=600)))):
+        assert re.search(r"coulomb_friction\W.*force AF +0\.250 N", text)
 
 
 def test_headline_states_values_by_channel_where_these_differ_and_no_share_where_there_is_none():

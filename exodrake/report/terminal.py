@@ -62,14 +62,21 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
     if diagnosis.effects:
         rows = []
-        for effect in diagnosis.effects:  # role, share and rivals beside the parameters, by channel where there are any
-            refined = "" if effect.role == CAUSE else f" [dim]{effect.role}[/dim]"
-            rivals = [(f"  or {rival.id}", w.share_span(rival.share)) for rival in effect.rivals]
-            left, values = [(f"[bold]{effect.id}[/bold]{refined}", w.share_span(effect.share)), *rivals], []
+        for effect in diagnosis.effects:  # its parameters, by channel where there are any, then its rivals with theirs
+            refined, values = "" if effect.role == CAUSE else f" [dim]{effect.role}[/dim]", list[tuple[str, ...]]()
             for name, item in effect.parameters.items():
                 channels = {f"{name} {channel}": one for channel, one in effect.channels.get(name, {}).items()}
                 values += [(title, *w.interval(one)) for title, one in (channels or {name: item}).items()]
-            rows += [(*(a or ("", "")), *(b or ("", "", ""))) for a, b in zip_longest(left, values)]
+            own = [(f"[bold]{effect.id}[/bold]{refined}", w.share_span(effect.share))]
+            groups = [(own, values)]
+            for rival in effect.rivals:
+                row = f"  or {rival.id}", w.share_span(rival.share)
+                if known := w.rival_values(diagnosis, effect, rival.id):
+                    groups.append(([row], known))
+                else:
+                    own.append(row)
+            pairs = [pair for group in groups for pair in zip_longest(*group)]
+            rows += [(*(a or ("", "")), *(b or ("", "", ""))) for a, b in pairs]
         print_table(console, ("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows)
     rows, closes = [], diagnosis.verdict != NO_GAP
     for display, gap in w.kind_gaps(diagnosis).values():

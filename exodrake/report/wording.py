@@ -259,6 +259,19 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"{words[:1].upper()}{words[1:]}{beyond}{unconfirmed}{closed}."
 
 
+def rival_values(diagnosis: Diagnosis, effect: NamedEffect, rival: str) -> list[tuple[str, str]]:
+    """Names and values of the first parameter of a rival in an effect's place, by channel where it is not absent there.
+
+    None where its robot is not among the explanations in play.
+    """
+    wanted = {e.id for e in diagnosis.effects} - {effect.id} | {rival}
+    robot = next((r for r in diagnosis.rivals if set(r.effects) == wanted), None)
+    lead = diagnosis.machine.effect(rival).parameters[0]
+    changed = robot.parameters.items() if robot else ()
+    own = {name.removeprefix(f"{rival}."): value for name, value in changed if name.startswith(f"{rival}.{lead.name}")}
+    return [(name.replace(".", " "), quantity(value, lead.unit)) for name, value in own.items()]
+
+
 def regime_words(regime: Mapping[str, float]) -> str:
     """The condition that the error depends on most: `, mostly with direction of motion`; empty without one."""
     return f", mostly with {max(regime, key=lambda name: regime[name])}" if regime else ""
