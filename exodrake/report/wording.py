@@ -230,15 +230,15 @@ def headline(diagnosis: Diagnosis) -> str:
             text += f"; the best set, {best.id}, would explain {share(explained)} of it"
         return f"{text}{unconfirmed}."
     said, named, found = list[str](), "explains {} of the gap", causes(diagnosis)  # by each cause
-    ambiguous = bool(found and found[0].rivals)  # the largest: those like it come first
-    for effect in sorted(found, key=lambda e: bool(e.rivals) != ambiguous):
+    ambiguous = [e for e in found if e.rivals]
+    for effect in sorted(found, key=lambda e: bool(e.rivals) != bool(found[0].rivals)):  # those like the largest first
         (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
         explained = named.format(share(effect.share.value).replace("<", "less than")) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
             others = join_words([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
-            lead = "nor" if any("the logs cannot tell" in words for words in said) else "the logs cannot tell"
+            lead = "the logs cannot tell" if effect is ambiguous[0] else "nor"
             said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
             besides = " besides" if said and diagnosis.verdict == result.AMBIGUOUS else ""
@@ -265,11 +265,12 @@ def rival_values(diagnosis: Diagnosis, effect: NamedEffect, rival: str) -> list[
     None where its robot is not among the explanations in play.
     """
     wanted = {e.id for e in diagnosis.effects} - {effect.id} | {rival}
-    robot = next((r for r in diagnosis.rivals if set(r.effects) == wanted), None)
-    lead = diagnosis.machine.effect(rival).parameters[0]
-    changed = robot.parameters.items() if robot else ()
-    own = {name.removeprefix(f"{rival}."): value for name, value in changed if name.startswith(f"{rival}.{lead.name}")}
-    return [(name.replace(".", " "), quantity(value, lead.unit)) for name, value in own.items()]
+    changed = next((r.parameters for r in diagnosis.rivals if set(r.effects) == wanted), {})
+    machine = diagnosis.machine
+    lead = machine.effect(rival).parameters[0]
+    places = machine.effect_indices(rival, lead.name).items()
+    named = [(f"{lead.name} {channel}".rstrip(), machine.parameters[i].name) for channel, i in places]
+    return [(label, quantity(changed[name], lead.unit)) for label, name in named if name in changed]
 
 
 def regime_words(regime: Mapping[str, float]) -> str:
