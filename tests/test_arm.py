@@ -12,6 +12,7 @@ import yaml
 from arm_folders import CABLE, MIXED, PENDULUM, made, plant_of
 from command_line import run
 from pydrake.multibody.tree import MultibodyForces_
+from scipy.interpolate import CubicSpline
 
 import exodrake as exo
 from exodrake.core import plugins
@@ -104,6 +105,22 @@ def test_compiled_inverse_dynamics_agree_with_a_plant_of_the_same_robot(inverse)
     found = record(robot, Reference(motion.reshape(8, 21)), seed=None).signals["effort"]
     for state, efforts in zip(motion, found, strict=True):
         assert efforts == pytest.approx(dynamics(plant, *state)[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("frames", [-2.5, -1.0, 0.7])
+def test_an_effort_is_logged_late_or_its_motion_is(inverse, frames):
+    """In one joint, by a cubic spline through the efforts of a motion whose fastest line has 60 rows a period."""
+    robot = inverse.with_parameters({"torque.sigma": 0.0, "torque.step": 0.0})
+    t, phase = robot.machine.frame * np.arange(200), np.arange(7.0)
+    w = 2.0 * np.pi / (60.0 * robot.machine.frame)
+    angle = 0.3 * np.sin(w * t[:, None] + phase)
+    motion = np.hstack([angle, 0.3 * w * np.cos(w * t[:, None] + phase), -(w**2) * angle])
+    late = robot.splice("arm.delay", {"delay": frames * robot.machine.frame}, ["J4"])
+    plain, found = (exo.simulate(r, Reference(motion), seed=None).array("effort", robot.machine.axes.joints)
+                    for r in (robot, late))  # fmt: skip
+    wanted = CubicSpline(t, plain[:, 3])(t - frames * robot.machine.frame)
+    assert found[5:-5, 3] == pytest.approx(wanted[5:-5], abs=1e-3 * np.ptp(plain[:, 3]))
+    assert np.delete(found, 3, axis=1) == pytest.approx(np.delete(plain, 3, axis=1), abs=1e-12)
 
 
 def of_part(robot, part):

@@ -88,6 +88,25 @@ def test_injected_effects_are_named_and_their_numbers_found(name):
     assert found.closure.overall.value > 0.98
 
 
+@pytest.mark.parametrize("late", [0.0, 3.0, 4.5])
+def test_a_late_servo_goes_on_with_what_was_sent_before_the_log_began(late):
+    """One joint is behind a ramp by what is late, another steps from where it stands, a third is held off its command.
+
+    In the first row each stands where the log says.
+    """
+    robot, n, rows = load_robot("so101").splice("servo.latency", {"frames": late}), 6, np.arange(60.0)
+    command, start = np.zeros((60, n)), np.zeros(n)
+    command[:, 0], start[0] = 0.02 * rows, -0.02 * late
+    command[:, 1], command[:, 2], start[2] = 0.4, 0.3, 0.28
+    reference = Reference(np.hstack([command, np.tile(start, (60, 1))]), "begun")
+    angle = record(robot, reference, seed=None).signals["angle"]
+    assert angle[:, 0] == pytest.approx(0.02 * (rows - late), abs=1e-12)
+    assert angle[:, 1] == pytest.approx(
+        np.where(rows > 0.0, 0.4 * np.clip(rows - late + 1.0, 0.0, 1.0), 0.0), abs=1e-12
+    )
+    assert angle[0, 2] == 0.28 and angle[1:, 2] == pytest.approx(0.3, abs=1e-12)
+
+
 def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them():
     robot = load_robot("tendon_sheath")
     injected = robot.splice("sheath.play", {"half_width": 0.2})

@@ -74,7 +74,7 @@ from exodrake.diagnosis.result import NamedEffect
 
 def detect(problem, effect, values):
     """The problem with play whose half width is half the largest lag that reversals leave."""
-    lag = max(float(np.max(np.abs(t.reference[:, :2] - t.measured))) for t in problem.fit)
+    lag = max(float(np.nanmax(np.abs(t.reference[:, :2] - t.measured))) for t in problem.fit)
     name, joints = effect.parameters[0].name, problem.robot.machine.axes.joints
     found = {f"{effect.id}.{name}.{joint}": lag for joint in joints}
     named = NamedEffect(effect.id, (), joints, {name: Interval(lag, 0.9 * lag, 1.1 * lag, "rad")}, {}, "play")

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -348,7 +348,7 @@ class Search:
         """Fit the most promising effects beside a set, which had new directions there.
 
         place: effect in whose place they are; laws of its kind come first, as the linear model says little of their
-        shapes.
+        shapes. Where joints are separate it begins anew itself, too: each has a minimum of its own.
 
         Beside the best set all effects have where it leaves much: one may act only where this set has brought it. Where
         none of those that are fitted takes up half of that, the next ones are fitted, too. Of single effects the next
@@ -366,6 +366,8 @@ class Search:
             promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
             lin = self.linearise_beside(e, alike.union(promising), keep=not place)
         predicted = [p for p in self.screen_beside(e, lin) if self.may_join(key, p.probe.effects, again=alike)]
+        if self.likelihood.robot.machine.separate and (again := [p for p in predicted if p.probe.effect == place]):
+            self.add([self.fit_again(key | {place}, fit_beside(likelihood.for_stage("refine"), e, again))])
         new = [p for p in predicted if key.union(p.probe.effects) not in self.sets]
         new.sort(key=lambda p: p.probe.effect not in alike)
         fitted += sum(p.probe.effect in alike for p in new)
@@ -412,11 +414,11 @@ class Search:
             if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot).whole < 0.0:
                 break
 
-    def fit_again(self, key: frozenset[str]) -> Explanation:
+    def fit_again(self, key: frozenset[str], others: Sequence[Explanation] = ()) -> Explanation:
         """A set fitted on with new derivatives, from the coordinates of sets like it where these cost less, by joint.
 
-        Each fit ends in a minimum of its own: what one has found, another may lack. A law lends one of its kind in its
-        place what is called alike, or amplitudes less of it.
+        others: further fits of it. Each fit ends in a minimum of its own: what one has found, another may lack. A law
+        lends one of its kind in its place what is called alike, or amplitudes less of it.
         """
         e = self.sets[key].explanation
         likelihood, points = self.likelihood.scaled_to(e.residual).for_stage("refine again"), [e.x]
@@ -424,7 +426,7 @@ class Search:
         def called(p: Parameter) -> tuple:
             return self.kinds.get(p.effect, p.effect), p.name.removeprefix(p.effect), p.channels
 
-        for other in (f.explanation for k, f in self.sets.items() if 0 < len(k ^ key) <= ALIKE):
+        for other in (*others, *(f.explanation for k, f in self.sets.items() if 0 < len(k ^ key) <= ALIKE)):
             known = dict(zip(other.parameters, other.x, strict=True))
             lent = {called(p): p.value(x) for p, x in known.items() if p.effect and p.effect not in key}
             lent = {p: p.coordinate(lent[called(p)]) for p in e.parameters if p not in known and called(p) in lent}

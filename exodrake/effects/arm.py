@@ -25,6 +25,13 @@ ENCODER_OFFSET = Effect(
     formula="q_j = measured + offset          the arm stands elsewhere than measured",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),),
 )  # fmt: skip
+DELAY = Effect(
+    id="arm.delay", summary="efforts are logged later than the motion, or earlier (< 0)", family="delay",
+    signature="effort off in proportion to its rate; nothing at rest",
+    source="filters of speeds, transport and bus: some rows of a log; range assumed", at={"arm.late": shift},
+    formula="effort(t) as logged = effort at t - delay",
+    parameters=(per_joint("delay", "period", null=0.0, low=-6.0, high=6.0, default=1.0),), same_meaning=True,
+)  # fmt: skip
 COMMAND_LATENCY = Effect(
     id="arm_drive.latency", summary="references reach the controller late", family="delay",
     signature="position and effort late by one time at every speed, and alike; nothing at rest",

@@ -23,10 +23,10 @@ import numpy as np
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.schema import mapping, number, quote, text
-from exodrake.effects import LIBRARY, collect_effects, friction
+from exodrake.effects import collect_effects, friction
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
-from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
+from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Delay, Output, Part, Signal, Task
 from exodrake.model.robot import Robot
 from exodrake.physics import arm as dynamics, arm_drive, cable, gear_motor
 from exodrake.physics.arithmetic import GRAVITY
@@ -53,7 +53,7 @@ CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are m
 COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
 # not tried in inverse dynamics: an offset that is the sensor's, and laws that make what is predicted smoother or
 # smaller, which noise of the recorded motion asks for
-INVERSE = ("arm.offset", "torque.low_pass", "torque.hysteresis", "torque.saturation")
+INVERSE = ("arm.offset", "torque.delay", "torque.low_pass", "torque.hysteresis", "torque.saturation")
 
 # of arms with cables
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
@@ -109,20 +109,19 @@ def make_machine(
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in inverse-dynamics form: position, velocity and acceleration are measured, the effort is predicted."""
     unit, efforts = units(chain), typical_efforts(chain)
-    speed, force = unit["velocity"], unit["effort"]
-    motion = signals(unit, "position", "velocity", "acceleration")
-    shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
-    found = columns(chain, shown)
-    torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
-    (late,) = LIBRARY["signal.delay"].parameters
-    early = {"signal.delay": (-frame, late.initial * frame, late.high * frame)}  # as where the motion is read late
-    parts = dynamics.inverse_part(scales(chain, efforts), unit), replace(torque, ranges=early)
+    speed, force, motion = unit["velocity"], unit["effort"], signals(unit, "position", "velocity", "acceleration")
+    late = Delay("effort_delay", "noise_effort", tuple(f"torque.sigma.{j}" for j in chain.names))
+    *given, effort = columns(chain, {**{s.name: s.name for s in motion}, "effort": "effort_read"})
+    parts = (
+        dynamics.inverse_part(scales(chain, efforts) | {"period": (frame, "s")}, unit),
+        reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names)),
+    )  # fmt: skip
     return make_machine(
-        name, chain, frame, parts, {found[-1].kind: "torque"}, CROSSTALK + INVERSE,
-        (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
-        segments=(Segment("arm", found[-1].kind),), defaults=chain_values(chain, "arm"),
+        name, chain, frame, parts, {effort.kind: "torque"}, CROSSTALK + INVERSE, (*motion, *noise("effort")),
+        (*signals(unit, "effort", "effort_read"), Signal(late.signal, "s", JOINTS)),
+        (*given, replace(effort, delay=late)), slots=1, segments=(Segment("arm", effort.kind),),
+        defaults=chain_values(chain, "arm"), resting={effort.kind: given[1].kind},
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
-        resting={found[-1].kind: found[1].kind},
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
-READINGS = ("shown", "delivered")  # points that a reading passes
+READINGS = ("shown", "late", "delivered")  # points that a reading passes
 CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxation"
 
 
@@ -35,9 +35,9 @@ class Signal:
 class Delay:
     """How late the samples of a measured signal are, as the log shows them."""
 
-    signal: str  # the delay of each sample [s]
+    signal: str  # the delay of each sample [s], of each channel or of all
     noise_input: str  # noise that is added to a sample after the delay
-    noise_std: str  # parameter that scales this noise
+    noise_std: tuple[str, ...]  # parameters that scale this noise, of each channel or of all
 
 
 class Axes(NamedTuple):

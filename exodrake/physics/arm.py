@@ -207,6 +207,8 @@ tip_mass = Point("carried", SCALAR, "mass", "mass at the tip [kg]")
 rotor_inertia = Point("geared", JOINTS, "inertia", "inertia of the rotor of joint j as the joint feels it [kg m2]")
 joint_position = Point("seen", JOINTS, "position", "position of joint j [rad], from the measured one: inverse dynamics")
 joint_compliance = Point("sprung", JOINTS, "compliance", "compliance of joint j [rad/(N m)]: forward dynamics")
+effort_delay = Point("late", JOINTS, "delay", "how late the effort of joint j is logged [s]; < 0: its motion is: "
+                     "inverse dynamics")  # fmt: skip
 push_joint = Point("pushed", JOINTS, "effort, speed", "effort on joint j [N m], from that of the drive; speed [rad/s]",
                    standard="sliding.pushed")  # fmt: skip
 brake_joint = Point("braked", JOINTS, "speed, mobility, load",
@@ -235,7 +237,9 @@ def body(x, n, j, count, q, mass, payload):
 
 
 def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
-    """Inverse dynamics: efforts of one tick; signals [rad], [rad/s], [rad/s2]. x: memory of the links, efforts [N m].
+    """Inverse dynamics: efforts of one tick; signals [rad], [rad/s], [rad/s2].
+
+    x: memory of the links, efforts [N m] and by how much they are logged late [s].
 
         tau = M(q) q'' + c(q, q') + g(q) + (rotor inertia) q'' + friction(q')
 
@@ -254,6 +258,7 @@ def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
         rest = brake_joint(e, z, j, brake_dry(speed, n.dry_friction[j] * n.mobility), n.mobility, abs(torque))
         drag = torque - push_joint(e, z, j, torque, speed)
         x[WIDTH * count + j] = torque + drag + (speed - rest) / n.mobility
+        x[(WIDTH + 1) * count + j] = effort_delay(e, z, j, 0.0)
         settle(e, z, j, dt, dt * speed)
 
 
@@ -425,8 +430,13 @@ def inverse_part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> 
     }  # fmt: skip
     return Part(
         name="arm", module=sys.modules[__name__], parameters=parameters_with(per_joint, {"mobility": "-"}),
-        states=(State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"])),
+        states=(
+            State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"]),
+            State("delay", JOINTS, unit="s"),
+        ),
         tasks=(Task("compute_efforts", ("position", "velocity", "acceleration")),),
-        outputs=(Output.of_states(effort="effort"),), scales=scales,
-        points=(link_mass, tip_mass, rotor_inertia, joint_position, push_joint, brake_joint, settle),
+        outputs=(Output.of_states(effort="effort", delay="effort_delay"),), scales=scales,
+        points=(
+            link_mass, tip_mass, rotor_inertia, joint_position, effort_delay, push_joint, brake_joint, settle,
+        ),
     )  # fmt: skip

@@ -47,23 +47,27 @@ def other(values, first, k, count):
 
 
 def update(x, z, n, e, dt, command, origin, setting, ready):
-    """One tick; signals [rad]. x: angles, aims, their moves, started. First the joints stand where the log starts."""
+    """One tick; signals [rad]. x: angles, aims, their moves, started; ready: frames that have begun.
+
+    In the first frame the joints stand where the log starts.
+    """
     count = command.shape[0]
-    if ready[0] > 0.0:
+    if ready[0] > 1.0:
         first = x[3 * count] == 0.0
         for j in range(count):
             after, before = other(command, 0, j + 1, count), other(command, 0, j - 1, count)
             aim = aim_joint(e, z, j, n.ratio[j] * command[j], after, before, setting[j])
             x[2 * count + j] = 0.0 if first else aim - x[count + j]
             x[count + j] = aim
-            if first:
-                x[j] = origin[j]
         for j in range(count):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
             moved = x[count + j] - x[j] if first else x[2 * count + j]
             settle(e, z, j, dt, moved, ahead, behind, setting[j])
             x[j] = follow_aim(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
+    else:
+        for j in range(count):
+            x[j] = origin[j]
 
 
 def output(x, z, n, e, angle):

@@ -11,7 +11,9 @@ from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task
 from exodrake.physics.arithmetic import remember
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
-TICKS, LENGTH = -2, -1  # places of the last states: of the frame so far, and of one frame, from the first command on
+# places of the last states: frames so far, ticks of the frame so far and of one frame, from the first command on
+FRAMES, TICKS, LENGTH = -3, -2, -1
+HELD_OFF = 0.05  # rad that weight, friction and an offset keep a servo off its command: assumed, the usual 3 degrees
 
 send = Point("sent", JOINTS, "command, history, first, passed, step, applied, packet_arrival, frame_arrival",
              "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
@@ -21,14 +23,28 @@ send = Point("sent", JOINTS, "command, history, first, passed, step, applied, pa
 
 
 def take(x, z, n, e, angle_ref, angle_start):
-    """One command for every joint; signals [rad]. Before the first one the robot stood there."""
-    joints, times = angle_ref.shape[0], 1 if x[LENGTH] > 0.0 else DEPTH
-    x[LENGTH], x[TICKS] = max(x[TICKS], 1.0), 0.0
+    """One command for every joint; signals [rad]."""
+    joints, frames = angle_ref.shape[0], x[FRAMES]
+    x[LENGTH], x[TICKS], x[FRAMES] = max(x[TICKS], 1.0), 0.0, frames + 1.0
     for j in range(joints):
-        for _ in range(times):
-            remember(x, DEPTH * j, DEPTH, angle_ref[j])
+        first, newest = DEPTH * j + 1, DEPTH * j
+        for _ in range(1 if frames > 0.0 else DEPTH):
+            remember(x, newest, DEPTH, angle_ref[j])
+        for k in range(1, DEPTH - 1 if frames == 1.0 else 0):
+            x[first + k] = command_before(x[first], x[newest] - x[first], angle_start[j], k)
         x[(DEPTH + 1) * joints + j] = angle_start[j]
     give(x, z, e, joints)
+
+
+def command_before(first, step, stands, frames):
+    """Command so many frames before the first one of a log, from its first step and where the joint stands [rad].
+
+    A joint behind a command that moves away has followed it so far. Far off one that does not, it has stood there.
+    """
+    behind = first - stands
+    if step * behind > 0.0:
+        return first - min(frames * step / behind, 1.0) * behind
+    return stands if abs(behind) > HELD_OFF else first
 
 
 def give(x, z, e, joints):
@@ -57,10 +73,10 @@ PART = Part(
     name="command", module=sys.modules[__name__], parameters=parameter_class(),
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
-        State("setting", JOINTS, unit="rad"), State("ticks", SCALAR), State("length", SCALAR),
+        State("setting", JOINTS, unit="rad"), State("frames", SCALAR), State("ticks", SCALAR), State("length", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
-    outputs=(Output.of_states(held="command", origin="origin", setting="setting", length="ready"),),
+    outputs=(Output.of_states(held="command", origin="origin", setting="setting", frames="ready"),),
     points=(send,), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

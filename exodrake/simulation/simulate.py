@@ -23,34 +23,34 @@ if TYPE_CHECKING:
 ENGINES = ["compiled", "drake"]
 
 
-def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Catmull-Rom interpolation of rows `values` (n, k) [any unit] at fractional rows `at` (n,); NaN at NaN."""
+def delay(values: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """Rows `values` (n, k) [any unit] of so many rows ago, `late` (n, k) or (n, 1): Catmull-Rom; NaN at NaN."""
     last = len(values) - 1
-    at = np.clip(at, 0.0, float(last))
+    at = np.clip(np.arange(len(values))[:, None] - np.broadcast_to(late, values.shape), 0.0, float(last))
     i = np.minimum(np.nan_to_num(at).astype(int), max(last - 1, 0))
-    f = (at - i)[:, None]
-    p0, p1 = values[np.maximum(i - 1, 0)], values[i]
-    p2, p3 = values[np.minimum(i + 1, last)], values[np.minimum(i + 2, last)]
+    p0, p1, p2, p3 = (np.take_along_axis(values, np.clip(i + k, 0, last), axis=0) for k in (-1, 0, 1, 2))
+    f = at - i
     return p1 + 0.5 * f * (p2 - p0 + f * (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3 + f * (3.0 * (p1 - p2) + p3 - p0)))
 
 
 def delay_columns(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
     """Channels `indices` (runs, frames, indices) [SI] of noise-free runs (runs, frames, channels), with delays."""
     at, chosen = machine.offsets, records[:, :, indices]
-    for signal, delay in ((column.signal, column.delay) for column in machine.columns if column.delay):
+    for signal, of in ((column.signal, column.delay) for column in machine.columns if column.delay):
         own = [k for k, i in enumerate(indices) if at[signal].start <= i < at[signal].stop]
-        for row, late in enumerate(records[:, :, at[delay.signal].start]):
+        for row, late in enumerate(records[:, :, at[of.signal]] / machine.frame):
             if own and late.any():
-                chosen[row][:, own] = cubic(chosen[row][:, own], np.arange(len(late)) - late / machine.frame)
+                late = late if late.shape[1] == 1 else late[:, [indices[k] - at[signal].start for k in own]]
+                chosen[row][:, own] = delay(chosen[row][:, own], late)
     return chosen
 
 
 def delay_samples(machine: Machine, signals: dict[str, np.ndarray], noise_std: Callable[[str], float]) -> None:
     """Replaces delayed columns (frames, channels) [SI] by their values at t - delay, noise of `noise_std` aside."""
     for column in machine.columns:
-        if (delay := column.delay) and (late := signals[delay.signal][:, 0]).any():
-            noise, own = noise_std(delay.noise_std) * signals[delay.noise_input], signals[column.signal]
-            signals[column.signal] = cubic(own - noise, np.arange(len(own)) - late / machine.frame) + noise
+        if (of := column.delay) and (late := signals[of.signal]).any():
+            noise, own = np.array([*map(noise_std, of.noise_std)]) * signals[of.noise_input], signals[column.signal]
+            signals[column.signal] = delay(own - noise, late / machine.frame) + noise
 
 
 @short_repr

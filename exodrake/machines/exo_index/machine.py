@@ -160,7 +160,7 @@ SIGNALS = (
 )  # fmt: skip
 PARTS = (tendon_finger.PART, motor.PART, sensor.PART, encoder.PART, mocap.PART, controller.PART, bus.PART)
 
-LATE = Delay("mocap_delay", "noise_angle", "mocap.sigma_q")
+LATE = Delay("mocap_delay", "noise_angle", ("mocap.sigma_q",))
 COLUMNS = (
     Column("tension_ref", "tension_ref"),
     Column("tension", "tension_read", required=False),
