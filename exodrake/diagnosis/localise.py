@@ -122,6 +122,8 @@ def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.nda
     declared, period = problem.robot.machine.regime, problem.robot.machine.frame
     own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_index(problem, c) == channel}
     table = {kind: fill_gaps(trial.measured[:, i]) for kind, i in own.items()}
+    if recorded := list(problem.robot.machine.motion.values()):
+        table = {"position": trial.reference[:, recorded[channel][0]]} | table
     if declared is None or declared.position not in table:
         first, last = next(iter(table)), next(reversed(table))
         width = min(SMOOTH, max(1, len(trial.reference) // SMOOTH))
