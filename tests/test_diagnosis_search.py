@@ -133,7 +133,7 @@ def test_of_two_probes_the_one_that_is_taken_as_it_is_stays_so():
         assert (both.effects, both.rows.tolist(), both.low[2], both.high[2]) == (("b", "a"), [1, 2, 0], 1.0, 1.0)
 
 
-def test_a_fit_leaves_its_minimum_for_the_one_that_a_set_like_it_has_found():
+def test_a_fit_leaves_its_minimum_for_one_that_it_or_a_set_like_it_has_found():
     """(u - 1)^2 (u + 1)^2 + (u - 1)^2 / 10 + (v - 2)^2 has a minimum near u = -1 and the lowest one at u = 1."""
 
     def formula(row):
@@ -152,6 +152,8 @@ def test_a_fit_leaves_its_minimum_for_the_one_that_a_set_like_it_has_found():
     add((v,), [0.0])
     stuck = add((u, v), [-0.95, 2.0])
     assert search.fit_again(frozenset(stuck.effects)).x == pytest.approx([-0.95, 2.0], abs=0.05)
+    anew = explanation(likelihood, (v, u), np.array([1.9, 0.9]), np.zeros((0, 3)), ("second", "first"))
+    assert search.fit_again(frozenset(stuck.effects), [anew]).x == pytest.approx([1.0, 2.0], abs=1e-6)
     add((u,), [1.0])
     assert search.fit_again(frozenset(stuck.effects)).x == pytest.approx([1.0, 2.0], abs=1e-6)
 
