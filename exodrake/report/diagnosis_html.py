@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import welch
 
 from exodrake import __version__
-from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
+from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, label_ticks, plot_responses
 from exodrake.core.errors import InputError
 from exodrake.data import plot
 from exodrake.data.case import parse_date
@@ -162,6 +162,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
             axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
             axes.set(title=find_display(kind, diagnosis.machine).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
+            label_ticks(axes.xaxis)
         panels[0].set_ylabel("Density [1/Hz]")
         svg = render_svg(figure, "spectrum", "power density of normalised residuals")
     return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
