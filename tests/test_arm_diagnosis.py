@@ -15,6 +15,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis import problem
 from exodrake.diagnosis.isolation import affordable, isolate
+from exodrake.diagnosis.localise import regime
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE
 from exodrake.report.diagnosis_html import report_html
@@ -116,6 +117,12 @@ def test_each_fitted_set_leaves_what_its_robot_does(cable_arm):
     sets = [f.explanation for f in found.search.sets.values()]
     simulated = found.likelihood.residual(np.array([e.robot for e in sets]))
     np.testing.assert_allclose([e.residual for e in sets], simulated, atol=1e-9)
+
+
+def test_dry_friction_is_a_gap_by_the_direction_of_the_recorded_motion(cable_arm):
+    found = make_problem(inverse_case(cable_arm, friction=[(3, 1.0)]), cable_arm)
+    first, share = next(iter(regime(found, found.silent()).items()))
+    assert first == "direction of motion" and share > 0.7
 
 
 def test_an_arm_as_its_model_says_has_no_gap(cable_arm):

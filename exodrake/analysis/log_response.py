@@ -268,7 +268,7 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
         raise InputError("no response is resolved at any frequency: nothing to draw; longer logs would help")
     columns, rows = min(COLUMNS, len(shown)), -(-len(shown) // COLUMNS)
     with matplotlib.rc_context(dict(style)):
-        figure = new_figure(1.0 + 2.9 * max(columns, 2), 0.4 + 3.0 * rows)  # one alone is drawn wide
+        figure = new_figure(1.0 + 2.9 * COLUMNS, 0.4 + 3.0 * rows)  # fewer columns are wider
         grid = figure.subplots(3 * rows, columns, squeeze=False, height_ratios=[1.5, 1.0, 0.75] * rows)
         stacks = grid.reshape(rows, 3, columns).swapaxes(1, 2).reshape(-1, 3)
         for axes in stacks[len(shown) :].flat:

@@ -243,7 +243,8 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
         return float(np.average(error**2, weights=one.power))
 
-    drawable = [one for one in found if one.resolved.any() and all(np.isfinite(m).all() for m in one.models.values())]
+    lines = [one for one in found if one.resolved.sum() > 1]  # a single one shows no course
+    drawable = [one for one in lines if all(np.isfinite(m).all() for m in one.models.values())]
     kinds = {one.output: w.split_column(one.output, machine)[0] for one in drawable}
     by_block = {s.name: [one for one in drawable if kinds[one.output] == s.output] for s in machine.segments}
     chosen = {name: sorted(each, key=gap)[::-1] for name, each in by_block.items() if each}
