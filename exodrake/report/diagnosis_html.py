@@ -143,7 +143,9 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         display, _ = gaps[kind]
         rows.append(gap_row(f"{display.label} {channel}", gap, display.unit))
     totals = [gap_row(display.label, gap, display.unit) for display, gap in gaps.values()]
-    tables = [Table(header, totals), Table(header, rows, folded=f"Each of the {len(rows)} signals")]
+    tables = [Table(header, totals)]
+    if len(rows) > len(totals):  # else each kind has one signal, and its row says it
+        tables.append(Table(header, rows, folded=f"Each of the {len(rows)} signals"))
     answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": tables, "spectrum": None}
     if not runs.closure_logs:
         return answer
