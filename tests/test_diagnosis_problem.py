@@ -112,7 +112,7 @@ def test_residual_goes_on_in_a_straight_line_where_nothing_was_measured():
     measured, found = line.copy(), np.zeros((1, 9, 2))
     measured[3:6, 0] = np.nan
     measured[7:, 1] = np.nan
-    subtract(found, measured, np.array([1.0, 2.0]))
+    subtract(found, measured, np.array([1.0, 2.0]), np.array([1e4, 1e4]))
     np.testing.assert_allclose(found[0, :, 0], line[:, 0])
     np.testing.assert_allclose(found[0, :, 1], np.minimum(line[:, 1] / 2.0, line[6, 1] / 2.0))
 

@@ -18,7 +18,7 @@ from exodrake.core.confidence import CONFIDENCE
 from exodrake.diagnosis.likelihood import stretch_length
 from exodrake.diagnosis.noise import mismatch
 from exodrake.diagnosis.parameter import apply
-from exodrake.diagnosis.problem import WILD, Problem
+from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.search import Fitted
 from exodrake.model.robot import Robot
@@ -86,7 +86,8 @@ def measure(problem: Problem, rows: Sequence[np.ndarray]) -> Closure:
     for trial, robots in zip(problem.judged, rows, strict=True):
         simulated = problem.predict(robots, trial)
         gaps = np.array([mismatch(trial.measured, one, problem.notched, machine.frame) for one in simulated])
-        bounded = np.nan_to_num(gaps / problem.noise_std, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD)
+        wild = problem.wild
+        bounded = np.where(np.isnan(gaps), wild, gaps / problem.noise_std).clip(-wild, wild)
         logs.append(np.where(np.isfinite(trial.measured), bounded, np.nan))
     squares = np.concatenate(logs, axis=1) ** 2
     length = stretch_length(squares.shape[1], machine.frame)

@@ -142,9 +142,9 @@ class Predicted:
     x: np.ndarray  # (eliminated,) coordinates of the parameters beside it
 
 
-def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
-    """The linear model about a fit, blocks of each log in each view."""
-    rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]])
+def linear_model(likelihood: Likelihood, e: Explanation, weight: np.ndarray | float = 1.0) -> LinearModel:
+    """The linear model about a fit, blocks of each log in each view; weight: of samples (samples,)."""
+    rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]]) * np.sqrt(weight)
     return LinearModel.of_rows(rows, likelihood.stretches, e.prior(e.x), likelihood.memory)
 
 

@@ -26,6 +26,7 @@ from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, RunOptions, input_rows, prepare_values
 from exodrake.model.machine import Machine, signal_count, state_size
+from exodrake.model.part import READINGS
 from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
@@ -34,9 +35,12 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
 TURN = 0.05  # s beside rest in which dry friction turns round; as long as a low-pass of 10 Hz blurs that. Assumed
+ERROR = 0.3  # of a recorded signal, the most that its sensor is off; as the library has it of gains and offsets
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none, by default
-WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
+# residuals are clipped here [noise_std], or where a signal would have to be as large again as the recorded one, if that
+# is more: a diverging candidate is bad, not infinite
+WILD = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +121,12 @@ class Problem:
         return {d.effect.id: next(iter(d.effect.parameters.values())).value for d in self.detected if not d.certain}
 
     @cached_property
+    def wild(self) -> np.ndarray:
+        """Residuals (c,) at which a column is clipped [noise_std]."""
+        sizes = [np.nanmax(np.abs(trial.measured), axis=0, initial=0.0) for trial in (*self.fit, *self.holdout)]
+        return np.maximum(WILD, 2.0 * np.max(sizes, axis=0) / self.noise_std)
+
+    @cached_property
     def signal_indices(self) -> list[int]:
         """Indices of the columns in the flat vector of signals."""
         machine, starts = self.robot.machine, self.robot.machine.offsets
@@ -177,7 +187,7 @@ class Problem:
 
         def fill(some: slice, trial: Trial, here: slice) -> None:
             found = self.predict(rows[some], trial)
-            subtract(found, trial.measured, self.noise_std)
+            subtract(found, trial.measured, self.noise_std, self.wild)
             found = whitening(without(self.notched, found, self.robot.machine.frame))
             found[:, np.isnan(trial.measured)] = 0.0
             out[some, here] = found.reshape(len(found), -1)
@@ -243,8 +253,8 @@ def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
 
 
 @njit(cache=True, nogil=True)
-def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray) -> None:
-    """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, clipped.
+def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray, most: np.ndarray) -> None:
+    """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, `most` at most.
 
     Where nothing was measured the difference goes on in a straight line, so that filters see no steps.
     """
@@ -256,7 +266,7 @@ def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray)
                 if np.isnan(measured[t, c]):
                     continue
                 difference = (measured[t, c] - row[t, c]) / noise_std[c]
-                row[t, c] = -WILD if np.isnan(difference) else min(max(difference, -WILD), WILD)
+                row[t, c] = -most[c] if np.isnan(difference) else min(max(difference, -most[c]), most[c])
                 begin = row[last, c] if last >= 0 else row[t, c]
                 for k in range(last + 1, t):
                     row[k, c] = begin + (row[t, c] - begin) * (k - last) / (t - last)
@@ -383,6 +393,9 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
             speed = np.concatenate([rate[np.isfinite(rate)] for rate in rates]) + 1e-12
             found[f"{force}/{per}"] = found[force] / found[per]
             found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(speed**2))
+    for force, per, inertia in (("N m", "rad/s2", "kg m2"), ("N", "m/s2", "kg")):
+        if found.get(force) and found.get(per):
+            found[inertia] = found[force] / np.sqrt(np.nanmean(np.concatenate(signals[per]) ** 2))
     return found
 
 
@@ -391,7 +404,7 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
-    largest effort, play no larger than the travel. Ranges are only widened.
+    largest effort, play no larger than the travel, an error of a reading than `ERROR` of it. Ranges are only widened.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
@@ -399,7 +412,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
     for effect in machine.effects:
         first, *others = effect.parameters
-        reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
+        of_reading = any(point.rsplit(".", 1)[-1] in READINGS for point in effect.at)
+        reach, stated = size.get(first.unit, 0.0) * (ERROR if of_reading else 1.0), LIBRARY.get(effect.id)
         generic = {id(function) for function in effect.at.values()} <= laws
         short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
         if generic and not (stated and stated.parameters == effect.parameters) and short:

@@ -19,8 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation, fit_on, noise_by_column
+from exodrake.diagnosis.fit import Explanation, Predicted, fit_beside, linear_model
+from exodrake.diagnosis.isolation import Isolation, excess_by_column, fit_on, noise_by_column
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -206,11 +208,11 @@ def find_roles(found: Isolation, best: Fitted) -> dict[str, str]:
     takes up in a channel what nothing else may (`find_clear`). Where joints are separate, it is a cause in one of them.
     """
     search, problem, smaller = found.search, found.whole, list_smaller(found, best)
+    if not smaller:
+        return {}
     sets, by_joint = (search.none, best, *smaller.values()), search.whole.any_by_joint
-    errors = problem.residual(np.array([f.explanation.robot for f in sets]), problem.fit)
-    errors = errors.reshape(len(sets), -1, len(problem.columns))
-    before, after, *without = (errors**2).mean(axis=1) - noise_by_column(found.likelihood) - problem.negligible**2
-    shown, clear = dict(zip(smaller, without)), find_clear(found, best, errors[1], dict(zip(smaller, errors[2:])))
+    before, after, *without = (excess_by_column(problem, f.explanation.robot, found.likelihood)[0] for f in sets)
+    shown, clear = dict(zip(smaller, without)), find_clear(found, best, smaller)
     rest = found.beside_detections * search.left_by_joint(best)
     gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
     roles, counts = {}, by_joint(before >= 0.0)
@@ -243,31 +245,45 @@ def divide_gap(found: Isolation, best: Fitted, roles: Mapping[str, str], left: n
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
-def find_clear(
-    found: Isolation, best: Fitted, here: np.ndarray, without: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def find_clear(found: Isolation, best: Fitted, smaller: Mapping[str, Fitted]) -> dict[str, np.ndarray]:
     """Whether each effect of a set takes up in a channel (columns,) what nothing else may: effect -> mask.
 
     That is as much as the noise, and `CLEAR` times (RMS) what the set leaves there. A sample counts the less, the more
     errors of the other effects' laws may leave in it: `LAW` of what each does there. Lost commands that were decoded
-    have no such law. In a channel where an effect does nothing by itself, as a sensor's in others, it is the retuned
-    parameters beside it that do. here: errors (samples, columns) of the set, without: effect -> those of the set
-    without it.
+    have no such law. The set without the effect is fitted on with these weights, by one step: what it could not fit
+    where the others' laws err has moved it where they are silent. In a channel where an effect does nothing by itself,
+    as a sensor's in others, it is the retuned parameters beside it that do.
     """
-    problem, machine = found.whole, found.whole.robot.machine
-    silent = np.tile(best.explanation.robot, (len(without), 1))
-    for row, i in zip(silent, without, strict=True):
+    problem, machine, likelihood = found.whole, found.whole.robot.machine, found.likelihood
+    silent = np.tile(best.explanation.robot, (len(smaller), 1))
+    for row, i in zip(silent, smaller, strict=True):
         at = [k for p in machine.effect(i).parameters for k in machine.effect_indices(i, p.name).values()]
         row[at] = problem.robot.values[at]
-    done = problem.residual(silent, problem.fit).reshape(-1, *here.shape) - here
-    law_errors = {i: (LAW * one) ** 2 * (i not in problem.counted) for i, one in zip(without, done, strict=True)}
-    noise = noise_by_column(found.likelihood)
-    clear = {}
-    for (effect, less), own_part in zip(without.items(), done, strict=True):
-        weight = 1.0 / (1.0 + sum(e for i, e in law_errors.items() if i != effect))
-        gain, rest = ((weight * squares).mean(axis=0) for squares in (less**2 - here**2, here**2 - noise))
-        clear[effect] = (gain >= np.maximum(CLEAR**2 * rest, 1.0)) & own_part.any(axis=0)
+
+    def weigh(done: np.ndarray) -> list[np.ndarray]:
+        """Weights of samples beside each effect; done: what each does (effects, samples)."""
+        errors = (LAW * done) ** 2 * [[i not in problem.counted] for i in smaller]
+        return list(1.0 / (1.0 + errors.sum(axis=0) - errors))
+
+    weights = weigh(likelihood.residual(silent) - likelihood.residual(best.explanation.robot[None]))
+    again = [step_on(likelihood, f.explanation, w) for f, w in zip(smaller.values(), weights, strict=True)]
+    robots = [best.explanation.robot, *silent, *(f.explanation.robot for f in smaller.values()), *again]
+    here, *rows = problem.residual(np.array(robots), problem.fit)
+    done, as_fitted, further = np.split(np.array(rows), 3)
+    noise, clear = noise_by_column(likelihood), dict[str, np.ndarray]()
+    for i, own, weight, *rows in zip(smaller, done - here, weigh(done - here), as_fitted, further, strict=True):
+        left, less = weight * here**2, min((weight * row**2 for row in rows), key=np.sum)
+        gain, rest, weight = (x.reshape(-1, len(noise)).mean(axis=0) for x in (less - left, left, weight))
+        acts = own.reshape(-1, len(noise)).any(axis=0)
+        clear[i] = acts & (gain >= np.maximum(CLEAR**2 * (rest - weight * noise), 1.0))
     return clear
+
+
+def step_on(likelihood: Likelihood, e: Explanation, weight: np.ndarray) -> np.ndarray:
+    """The robot (parameters,) of an explanation one Gauss-Newton step on, with other weights of its samples."""
+    likelihood = likelihood.scaled_to(np.sqrt(weight) * e.residual)
+    step = linear_model(likelihood, e, weight).posterior().step
+    return apply(e.values, e.parameters, np.clip(e.x + step, *e.bounds))
 
 
 def list_moved(problem: Problem, retuned: Fitted) -> tuple[Moved, ...]:
