@@ -304,7 +304,8 @@ def make_problem(
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
     starts = [c.kind for c in robot.machine.references]
-    told = [f"{column.rpartition('_')[0]}_start" in starts for column in columns]  # in the first row of a log
+    # columns whose first value in a log is where the simulation starts
+    is_start = [f"{column.rpartition('_')[0]}_start" in starts for column in columns]
     # place of a column of efforts, which about rest are whatever dry friction holds and count as missing -> column of
     # its speed, and the least that counts
     resting = dict[int, tuple[str, float]]()
@@ -323,7 +324,7 @@ def make_problem(
         for start, rows in zip(*find_runs(gone)):  # until it has settled after a gap
             if gone[start] and rows * robot.machine.frame > GAP:
                 measured[start : start + rows + round(SETTLED / robot.machine.frame)] = np.nan
-        measured[0, told] = measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
+        measured[0, is_start] = measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
             if speed in item.log.signals:
                 measured[find_turns(item.log[speed], least, round(TURN / robot.machine.frame)), i] = np.nan

@@ -372,10 +372,11 @@ class Search:
         new.sort(key=lambda p: p.probe.effect not in alike)
         fitted += sum(p.probe.effect in alike for p in new)
         self.progress(Stage.FIT, e.name)
-        left, most = self.sets[key].excess * (HALF if key else 1.0 - LARGE), 2 * fitted if far else fitted
+        left = self.measure_left(self.sets[key]) * (HALF if key else 1.0 - LARGE)
+        most = 2 * fitted if far else fitted
         for at in range(0, most if key else len(new), fitted):
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
-            if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
+            if any(self.measure_left(f) < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
         self.bar_richer_laws()
 

@@ -51,8 +51,8 @@ FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
-# not tried in inverse dynamics: an offset that is the sensor's, and laws that make what is predicted smoother or
-# smaller, which noise of the recorded motion asks for
+# not tried in inverse dynamics: an offset that is the sensor's, a delay of the reading, which `arm.delay` is, and laws
+# that make what is predicted smoother or smaller, which noise of the recorded motion asks for
 INVERSE = ("arm.offset", "torque.delay", "torque.low_pass", "torque.hysteresis", "torque.saturation")
 
 # of arms with cables

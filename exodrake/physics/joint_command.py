@@ -27,11 +27,11 @@ def take(x, z, n, e, angle_ref, angle_start):
     joints, frames = angle_ref.shape[0], x[FRAMES]
     x[LENGTH], x[TICKS], x[FRAMES] = max(x[TICKS], 1.0), 0.0, frames + 1.0
     for j in range(joints):
-        first, newest = DEPTH * j + 1, DEPTH * j
+        newest, last = DEPTH * j, DEPTH * j + 1
         for _ in range(1 if frames > 0.0 else DEPTH):
             remember(x, newest, DEPTH, angle_ref[j])
-        for k in range(1, DEPTH - 1 if frames == 1.0 else 0):
-            x[first + k] = command_before(x[first], x[newest] - x[first], angle_start[j], k)
+        for k in range(1, DEPTH - 1 if frames == 1.0 else 0):  # in the second frame: the last command was the first one
+            x[last + k] = command_before(x[last], x[newest] - x[last], angle_start[j], k)
         x[(DEPTH + 1) * joints + j] = angle_start[j]
     give(x, z, e, joints)
 
