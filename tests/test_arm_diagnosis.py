@@ -212,6 +212,24 @@ def test_a_rival_takes_up_as_much_as_its_cause(arm_folder):
         assert rival.share.value == pytest.approx(cause.share.value, abs=0.01)
 
 
+def test_an_axis_whose_efforts_are_volts_is_as_large_as_its_recording_says(arm_folder):
+    """The file's inertia of 1e-6 kg m2 makes ranges, and a noise of less than 1e-5 of the recorded efforts."""
+    arm_folder.joinpath("volts.urdf").write_text(PENDULUM.format(0.0, 1e-6))
+    robot, logs = made(arm_folder, "volts", "--urdf", str(arm_folder / "volts.urdf")), []
+    for seed in range(3):
+        q, v, a = motion(seed, 1500, robot)
+        effort = 0.05 * a + 0.25 * v + 1.6 * np.sign(v)
+        noise = robot.channels("torque.sigma") * np.random.default_rng(seed).standard_normal(v.shape)
+        logs.append({"position": q, "velocity": v, "acceleration": a, "effort": effort + noise})
+    assert np.max(np.abs(effort)) > 1e5 * robot.channels("torque.sigma")
+    effects = exo.diagnose(case_of(robot, logs), robot).effects
+    truth = {"arm.coulomb_friction": 1.6, "arm.viscous_friction": 0.25, "arm.rotor_inertia": 0.05}
+    assert {e.id for e in effects} == truth.keys() and effects[0].id == "arm.coulomb_friction"
+    for effect in effects:
+        (value,) = effect.parameters.values()
+        assert value.low < truth[effect.id] < value.high
+
+
 LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule
 
 

@@ -11,7 +11,9 @@ from diagnosis_cases import case_of, robot_with
 
 from exodrake.data.case import gather_logs
 from exodrake.diagnosis import verdict
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem, with_recorded_ranges
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, TOO_LITTLE
@@ -143,38 +145,44 @@ def test_a_small_cause_of_one_joint_is_not_hidden_by_a_larger_gap_of_the_others(
     assert (sag.role, sag.joints) == (CAUSE, ("Pitch",)) and sag.share.value < 0.02  # of the gap of six joints
 
 
-@pytest.mark.parametrize("taken", ["clear", "part of a law", "retuned"])
+@pytest.mark.parametrize("taken", ["clear", "part of a law", "retuned", "moved"])
 def test_what_an_error_of_another_law_or_retuning_may_be_is_no_cause(taken):
     """Five noise standard deviations where the large effect is silent, a tenth of what that one does, or not its own.
 
-    The latter are what retuned parameters leave without an effect that by itself does nothing in that channel.
+    The latter are what retuned parameters leave without an effect that by itself does nothing in that channel, or next
+    to nothing while a parameter was moved for the sake of what the large effect does elsewhere.
     """
     rng, robot, large, small = np.random.default_rng(0), load_robot(), "tendon.capstan_friction", "sensor.offset"
-    moves = np.repeat([1.0, 0.0], 1000)[:, None]
-    gap = {"clear": 5.0 * (1.0 - moves), "part of a law": 5.0 * moves, "retuned": 5.0 * (1.0 - moves)}[taken]
-    does = {large: 50.0 * moves, small: gap * (taken != "retuned")}
+    moves = np.repeat([1.0, 0.0], 1000)
+    gap = 5.0 * (moves if taken == "part of a law" else 1.0 - moves)
+    does = {large: 50.0 * moves, small: gap * {"retuned": 0.0, "moved": 0.1}.get(taken, 1.0)}
     indices = {
         i: next(iter(robot.machine.effect_indices(i, robot.machine.effect(i).parameters[0].name).values()))
         for i in does
     }
-    present = robot.values.copy()
+    present, noise = robot.values.copy(), rng.normal(size=len(moves))
     present[list(indices.values())] = 0.01
-    noise = rng.normal(size=(len(moves), 1))
+    nominal, shape = Parameter("p", (0,), "additive", 0.0, 5.0, (-15.0, 15.0)), np.tile([1.0, -1.0], 1000)
 
-    def residual(rows, trials):
-        return np.array([noise + sum(x * (row[indices[i]] == 0.0) for i, x in does.items()) for row in rows])
+    def residual(rows, trials=()):
+        done = [sum(x * (row[indices[i]] == 0.0) for i, x in does.items()) for row in rows]
+        return np.array([noise + one + shape * (row[0] - present[0]) for row, one in zip(rows, done, strict=True)])
 
-    def errors(values):
-        return residual([values], ())[0]
+    likelihood = SimpleNamespace(
+        residual=residual, stretches=[(0, 0, slice(0, len(moves)))], memory=1.0,
+        views=[SimpleNamespace(squares=np.ones((2, 1)))], scaled_to=lambda residual: likelihood,
+        derivatives=lambda rows, base, steps: np.zeros((0, len(base))),
+    )  # fmt: skip
 
-    found = SimpleNamespace(
-        whole=SimpleNamespace(robot=robot, residual=residual, fit=(), columns=("tension_AF",), counted={}),
-        likelihood=SimpleNamespace(views=[SimpleNamespace(squares=np.ones((2, 1)))]),
-    )
-    without = {i: errors(np.where(np.arange(len(present)) == k, 0.0, present)) for i, k in indices.items()}
-    without[small] = without[small] + gap * (taken == "retuned")
-    best = SimpleNamespace(explanation=SimpleNamespace(robot=present))
-    clear = verdict.find_clear(found, best, errors(present), without)
+    def fitted(values, x=0.0):
+        e = Explanation((), (nominal,), np.array([x]), values, np.zeros(0), shape[None])
+        return SimpleNamespace(explanation=replace(e, residual=residual([e.robot])[0]))
+
+    without = {i: np.where(np.arange(len(present)) == k, 0.0, present) for i, k in indices.items()}
+    smaller = {large: fitted(without[large]), small: fitted(without[small], 5.0 * (taken in ("retuned", "moved")))}
+    whole = SimpleNamespace(robot=robot, residual=residual, fit=(), columns=("tension_AF",), counted={})
+    found = SimpleNamespace(whole=whole, likelihood=likelihood)
+    clear = verdict.find_clear(found, fitted(present), smaller)
     assert clear[large].all() and clear[small].all() == (taken == "clear")
 
 
