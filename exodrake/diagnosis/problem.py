@@ -26,7 +26,6 @@ from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, RunOptions, input_rows, prepare_values
 from exodrake.model.machine import Machine, signal_count, state_size
-from exodrake.model.part import READINGS
 from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
@@ -35,7 +34,7 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
 TURN = 0.05  # s beside rest in which dry friction turns round; as long as a low-pass of 10 Hz blurs that. Assumed
-ERROR = 0.3  # of a recorded signal, the most that its sensor is off; as the library has it of gains and offsets
+DRIFT = 0.3  # of what a sensor shows, the most that it drifts by: as the library has it of offsets. Assumed
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none, by default
 # residuals are clipped here [noise_std], or where a signal would have to be as large again as the recorded one, if that
@@ -405,7 +404,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
-    largest effort, play no larger than the travel, an error of a reading than `ERROR` of it. Ranges are only widened.
+    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log.
+    Ranges are only widened.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
@@ -413,8 +413,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
     for effect in machine.effects:
         first, *others = effect.parameters
-        of_reading = any(point.rsplit(".", 1)[-1] in READINGS for point in effect.at)
-        reach, stated = size.get(first.unit, 0.0) * (ERROR if of_reading else 1.0), LIBRARY.get(effect.id)
+        reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
+        reach *= DRIFT if effect.family == "drift" else 1.0
         generic = {id(function) for function in effect.at.values()} <= laws
         short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
         if generic and not (stated and stated.parameters == effect.parameters) and short:

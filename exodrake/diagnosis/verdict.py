@@ -233,8 +233,10 @@ def divide_gap(found: Isolation, best: Fitted, roles: Mapping[str, str], left: n
     """
     search, part, gains = found.search, found.beside_detections, measure_gains(found, best)
     none = part * search.left_by_log(search.none)
-    alone = {i: none - part * search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
-    weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
+    alone = {i: frozenset([i]) for i, role in roles.items() if role == CAUSE}
+    search.fit_parts(best.effects, [key for key in alone.values() if key not in search.sets])
+    taken = {i: none - part * search.left_by_log(search.sets[key]) for i, key in alone.items()}
+    weight = {i: np.maximum(own, 0.0) + np.maximum(gains[i], 1e-9) for i, own in taken.items()}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
     parts = []
     for effect, gain in gains.items():
