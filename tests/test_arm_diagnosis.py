@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 import exodrake as exo
+from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis import problem
@@ -228,6 +229,18 @@ def test_an_axis_whose_efforts_are_volts_is_as_large_as_its_recording_says(arm_f
     for effect in effects:
         (value,) = effect.parameters.values()
         assert value.low < truth[effect.id] < value.high
+
+
+def test_a_log_in_which_the_joint_only_turns_round_is_left_out_and_said(arm_folder):
+    robot, logs = made(arm_folder, "turns", "--urdf", "rotary_axis"), []
+    for seed in range(3):
+        q, v, a = motion(seed, 600, robot)
+        v[:, 0] *= 1e-3 if seed == 1 else 1.0  # far slower than in other logs
+        logs.append({"position": q, "velocity": v, "acceleration": a, "effort": 2.0 * np.sign(v)})
+    found = make_problem(case_of(robot, logs), robot)
+    assert [trial.name for trial in found.fit] == ["0.csv"] and found.case.notes[-1].endswith(": 1.csv")
+    with pytest.raises(InputError, match="no fitted log is left"):
+        make_problem(case_of(robot, [logs[1] | {"velocity": 0.0 * logs[1]["velocity"]}, logs[0]]), robot)
 
 
 LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule

@@ -293,7 +293,7 @@ def make_problem(
         negligible: noise standard deviations RMS beyond noise; a gap that is smaller in every channel is none.
 
     Raises:
-        InputError: where `check_case` has one, and where all fitted logs are too short.
+        InputError: where `check_case` has one, and where all fitted logs are too short or at rest.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
@@ -329,12 +329,20 @@ def make_problem(
                 measured[find_turns(item.log[speed], least, round(TURN / robot.machine.frame)), i] = np.nan
         return Trial(item.file, reference, measured, whole=item.protocol == EXPERIMENT)
 
+    fit = tuple(make_trial(item) for item in case.fit_logs if not case.is_copy(item))
+    holdout = tuple(map(make_trial, case.holdout_logs))
+    if still := [trial.name for trial in (*fit, *holdout) if np.isnan(trial.measured).all()]:
+        note = f"left out, since no sample counts where joints rest or turn round: {', '.join(still)}"
+        case = replace(case, notes=(*case.notes, note))
+        fit, holdout = (tuple(trial for trial in some if trial.name not in still) for some in (fit, holdout))
+        if not fit:
+            raise InputError(f"{case.name}: no fitted log is left: {note}")
     return Problem(
         robot,
         columns,
         noise_std(case, robot, columns),
-        fit=tuple(make_trial(item) for item in case.fit_logs if not case.is_copy(item)),
-        holdout=tuple(map(make_trial, case.holdout_logs)),
+        fit=fit,
+        holdout=holdout,
         case=case,
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
         negligible=NEGLIGIBLE if negligible is None else negligible,
