@@ -108,6 +108,12 @@ def test_minimiser_survives_a_direction_that_others_imitate_but_for_rounding(imi
     assert found[0] == pytest.approx(0.5, abs=1e-3) and np.isfinite(found).all() and np.abs(found[1]) <= 1.0
 
 
+def test_a_parameter_without_play_stays_where_it_is_however_steep_the_cost():
+    """Of a simulation that diverges the curvature is that of a residual of 10^7 noise standard deviations."""
+    found, value = minimise_bounded(np.array([[5e14]]), np.array([2e6]), np.array([1.0]), np.array([1.0]))
+    assert found == pytest.approx([1.0], rel=1e-6) and value == pytest.approx(2.5e14, rel=1e-6)
+
+
 @pytest.fixture(scope="module")
 def problem():
     nominal = load_robot()
