@@ -101,6 +101,9 @@ def test_headline_names_cause_place_share_and_what_remains():
     assert said_of_far.endswith("; 4.6 noise standard deviations remain on tension_AF.")
     said_of_far = wording.headline(replace(found, closure=replace(found.closure, signals=far)))
     assert said_of_far.endswith("; 6 % remains, most on tension_AF (4.6 noise standard deviations).")
+    vast = signals | {"tension_AF": replace(signals["tension_AF"], after=3.21, noise_std=1e-3)}
+    said_of_vast = wording.headline(replace(small, closure=replace(found.closure, signals=vast)))
+    assert said_of_vast.endswith("; 3.21 N remain on tension_AF.")
     most = "most on tension_AF (1.1 noise standard deviations)"
     assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains in the finger, mostly with speed, {most}."
     assert said[AMBIGUOUS] == (
