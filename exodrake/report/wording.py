@@ -33,7 +33,7 @@ MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of 
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
 AT_LIMIT = 0.999  # of the largest change that a tolerance allows, from which a parameter counts as limited by it
 MUCH = 2.0  # standard deviations of its tolerance, beyond which a change is said: one in twenty that differ by chance
-TIMES = 100.0  # noise standard deviations, beyond which a gap is said in its own unit: the noise tells little of it
+VAST = 100.0  # noise standard deviations, beyond which a gap is stated in its own unit: noise is no measure of it
 LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
 EXPERIMENT = (
@@ -206,8 +206,8 @@ def headline(diagnosis: Diagnosis) -> str:
     errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
     worst, error = max(errors.items(), key=lambda one: one[1], default=("", 0.0))
     size, seen = f"{digits(error, 2)} noise standard deviations", error**2 > 2.0  # as large again as the noise
-    if error > TIMES:
-        size = quantity(diagnosis.closure.signals[worst].after, diagnosis.closure.signals[worst].unit)
+    if error > VAST:
+        size = quantity((gap := diagnosis.closure.signals[worst]).after, gap.unit)
     held_out = diagnosis.problem is not None and bool(diagnosis.problem.holdout)
     beyond = f"; on held-out motion {size} remain on {worst}" if seen and held_out else ""
     if diagnosis.verdict == result.NO_GAP:
