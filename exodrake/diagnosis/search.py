@@ -9,9 +9,10 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 from itertools import combinations
 from typing import NamedTuple
 
@@ -229,8 +230,8 @@ class Search:
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
 
-        Not one that is better by as much as an effect for each further parameter must be, in the likeliest set that
-        holds it. Sets that are less likely than with a plainer law are fitted again before, as they can do as much.
+        Not one that is better by as much as an effect for each further parameter must be, in the best set that holds
+        it. Sets that are less likely than with a plainer law are fitted again before, as they can do as much.
         """
 
         def likelier(key: frozenset[str]) -> bool:
@@ -239,15 +240,20 @@ class Search:
         again = [key for key in self.sets if (key, PLAINER) not in self.expanded and likelier(key)]
         self.expanded |= {(key, PLAINER) for key in again}
         self.add(side_by_side([partial(self.fit_again, key) for key in again]))
-        self.barred, decided = set(), dict[str, tuple[float, bool]]()
+        self.barred, held = set(), defaultdict[str, dict[Fitted, list[Fitted]]](lambda: defaultdict(list))
         for key, rich in self.sets.items():
             for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
-                gain = self.measure_left(self.best_within(key - {effect})) - self.measure_left(rich)
+                held[effect][rich].append(plain)
+        barred = set[str]()
+        for effect, pairs in held.items():
+            rich = self.best_of(pairs)
+            gain = self.measure_left(self.best_within(rich.effects - {effect})) - self.measure_left(rich)
+            for plain in pairs[rich]:
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
                 more = len(rich.explanation.x) - len(plain.explanation.x)
-                here = self.evidence(rich), as_good and self.usable(plain) and not self.beats(rich, plain, more)
-                decided[effect] = max(here, decided.get(effect, here))
-        self.barred = {effect for effect, (_, as_good) in decided.items() if as_good}
+                if as_good and self.usable(plain) and not self.beats(rich, plain, more):
+                    barred.add(effect)
+        self.barred = barred
 
     def usable(self, fitted: Fitted) -> bool:
         """Whether a set may be the answer: no amplitude ended at a bound other than its null, no law is barred."""
@@ -296,13 +302,13 @@ class Search:
 
     @property
     def best(self) -> Fitted:
-        """The fitted set of largest evidence whose effects all earn their place."""
-        found = self.sets[frozenset()]
-        for size in range(1, 1 + max(map(len, self.sets))):
-            for key, fitted in self.sets.items():
-                if len(key) == size and self.usable(fitted) and self.beats(fitted, found):
-                    found = fitted
-        return found
+        """The best of all fitted sets."""
+        return self.best_of(self.sets.values())
+
+    def best_of(self, sets: Collection[Fitted]) -> Fitted:
+        """The usable set of largest evidence whose effects all earn their place; the smallest if none is usable."""
+        first, *others = sorted(sets, key=lambda f: len(f.effects))
+        return reduce(lambda a, b: b if self.usable(b) and self.beats(b, a) else a, others, first)
 
     def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
