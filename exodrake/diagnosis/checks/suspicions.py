@@ -101,12 +101,13 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
     Logs are compared by hashes of the changes in successive windows. Those that come once in each lie as far apart in
     a copy, wherever they are; coarse readings and motions that repeat have windows alike by chance.
     """
-    spread = np.vstack([pair.measured for pair in comparison.pairs]).std(axis=0)
+    logs = [np.column_stack([pair.measured, pair.reference]) for pair in comparison.pairs]
+    spread = np.vstack(logs).std(axis=0)
     fine = ROUNDING * np.where(spread > 0.0, spread, 1.0)
     keys = np.random.default_rng(0).integers(1, 2**62, (len(fine), MATCH)) | 1
     prints = []
-    for pair in (pair for pair in comparison.pairs if len(pair.measured) > MATCH):
-        steps = np.rint(np.diff(pair.measured, axis=0) / fine).astype(np.int64)
+    for pair, log in ((p, log) for p, log in zip(comparison.pairs, logs, strict=True) if len(log) > MATCH):
+        steps = np.rint(np.diff(log, axis=0) / fine).astype(np.int64)
         hashes = np.einsum("ncm,cm->n", sliding_window_view(steps, MATCH, axis=0), keys)
         found, first, count = np.unique(hashes, return_index=True, return_counts=True)
         once = (count == 1) & (found != 0)
