@@ -115,17 +115,19 @@ class SimulatedLogs:
 
 
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
-    """Values of the section's template; rows of `errors` from the nominal robot to noise: RMS [noise_std], closures."""
+    """Values of the section's template; rows of `errors` from the nominal robot to noise: RMS, closures."""
     closure, robots = diagnosis.closure, w.list_robots(diagnosis)
     drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(robots)])
     largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
     closed = {"retuned": closure.retune, "after": closure.overall}
     step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
-    rows = [(key, name, closure.rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
+    sizes, unit = w.robot_errors(diagnosis)
+    rows = [(key, name, sizes[key], closure.rms[key]) for key, name in robots.items()]
+    rows += [("noise", "noise alone", "1.00", 1.0)] if unit.startswith("noise") else []
     errors = [
-        {"key": key, "name": name, "rms": w.digits(rms), "length": min(rms / largest, 1.0)}
+        {"key": key, "name": name, "rms": size, "length": min(rms / largest, 1.0)}
         | {"overall": closed.get(key), "effect": step.get(key)}
-        for key, name, rms in rows
+        for key, name, size, rms in rows
     ]
     gaps, titles = w.kind_gaps(diagnosis), w.robot_titles(diagnosis)
     header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
@@ -146,7 +148,8 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     tables = [Table(header, totals)]
     if len(rows) > len(totals):  # else each kind has one signal, and its row says it
         tables.append(Table(header, rows, folded=f"Each of the {len(rows)} signals"))
-    answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": tables, "spectrum": None}
+    unit = f"in {unit}: 1 is noise alone" if unit.startswith("noise") else f"in per cent {unit}"
+    answer: dict[str, Any] = {"errors": errors, "error_unit": unit, "curves": None, "gaps": tables, "spectrum": None}
     if not runs.closure_logs:
         return answer
     with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style

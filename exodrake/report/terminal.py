@@ -94,8 +94,9 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
             console.print(f"        {w.closure_words(closure.effect, 'what retuning alone leaves')}")
         if words := w.motion_words(diagnosis):
             console.print(f"        {words}")
-        robots = ", ".join(f"{name} {w.digits(closure.rms[key])}" for key, name in w.list_robots(diagnosis).items())
-        console.print(f"error   {robots} noise standard deviations (RMS)")
+        errors, unit = w.robot_errors(diagnosis)
+        robots = ", ".join(f"{name} {errors[key]}" for key, name in w.list_robots(diagnosis).items())
+        console.print(f"error   {robots} {unit} (RMS)")
     if retuned := w.retuned_words(diagnosis):
         console.print(f"retuned {retuned}")
     if alike := w.alike_words(diagnosis):

@@ -33,7 +33,7 @@ MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of 
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
 AT_LIMIT = 0.999  # of the largest change that a tolerance allows, from which a parameter counts as limited by it
 MUCH = 2.0  # standard deviations of its tolerance, beyond which a change is said: one in twenty that differ by chance
-VAST = 100.0  # noise standard deviations, beyond which a gap is stated in its own unit: noise is no measure of it
+VAST = 100.0  # noise standard deviations, beyond which noise is no measure of a gap
 LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
 EXPERIMENT = (
@@ -294,6 +294,14 @@ def list_robots(diagnosis: Diagnosis) -> dict[str, str]:
     if diagnosis.verdict == result.UNKNOWN:
         return robots | {"after": "best set (not accepted)"}
     return dict(list(robots.items())[: {result.NO_GAP: 1, result.RETUNE: 2}.get(diagnosis.verdict, 3)])
+
+
+def robot_errors(diagnosis: Diagnosis) -> tuple[dict[str, str], str]:
+    """RMS error of each of these robots over all signals, and its unit: noise, or what the nominal one leaves."""
+    rms = {key: diagnosis.closure.rms[key] for key in list_robots(diagnosis)}
+    if min(rms.values()) > VAST:
+        return {key: percent(size / rms["before"]) for key, size in rms.items()}, "of the nominal robot's"
+    return {key: digits(size) for key, size in rms.items()}, "noise standard deviations"
 
 
 def last_robot(diagnosis: Diagnosis) -> str:
