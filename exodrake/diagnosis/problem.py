@@ -34,7 +34,9 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
 TURN = 0.05  # s beside rest in which dry friction turns round; as long as a low-pass of 10 Hz blurs that. Assumed
-DRIFT = 0.3  # of what a sensor shows, the most that it drifts by: as the library has it of offsets. Assumed
+# of what a sensor shows, the most that it drifts by, and the least time that it takes for it [s]: as the library has it
+# of offsets; temperatures take minutes. Assumed
+DRIFT, MINUTE = 0.3, 60.0
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none, by default
 # residuals are clipped here [noise_std], or where a signal would have to be as large again as the recorded one, if that
@@ -332,7 +334,7 @@ def make_problem(
     fit = tuple(make_trial(item) for item in case.fit_logs if not case.is_copy(item))
     holdout = tuple(map(make_trial, case.holdout_logs))
     if still := [trial.name for trial in (*fit, *holdout) if np.isnan(trial.measured).all()]:
-        note = f"left out, since no sample counts where joints rest or turn round: {', '.join(still)}"
+        note = f"left out, since no sample counts (rows are missing, joints rest or turn round): {', '.join(still)}"
         case = replace(case, notes=(*case.notes, note))
         fit, holdout = (tuple(trial for trial in some if trial.name not in still) for some in (fit, holdout))
         if not fit:
@@ -394,7 +396,7 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
         if rates:
             found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), *map(float, rates))
         elif sizes:
-            found[f"{unit}/s"] = found[unit] / (machine.frame * max(map(len, recorded)))
+            found[f"{unit}/s"] = found[unit] / max(machine.frame * max(map(len, recorded)), MINUTE)
     for force, per in product(("N m", "N"), ("rad", "m")):
         if found.get(force) and found.get(per):
             rates = [np.diff(values) / machine.frame for values in signals[per]]
@@ -412,8 +414,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
-    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log.
-    Ranges are only widened.
+    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log, or
+    in a minute. Ranges are only widened.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():

@@ -30,7 +30,7 @@ DELAY = Effect(
     signature="effort off in proportion to its rate; nothing at rest",
     source="filters of speeds, transport and bus: some rows of a log; range assumed", at={"arm.late": shift},
     formula="effort(t) as logged = effort at t - delay",
-    parameters=(per_joint("delay", "period", null=0.0, low=-6.0, high=6.0, default=1.0),), same_meaning=True,
+    parameters=(per_joint("delay", "period", null=0.0, low=-3.0, high=3.0, default=1.0),), same_meaning=True,
 )  # fmt: skip
 COMMAND_LATENCY = Effect(
     id="arm_drive.latency", summary="references reach the controller late", family="delay",

@@ -190,8 +190,8 @@ OFFSET = Effect(
 DRIFT = Effect(
     id="signal.drift", summary="zero of the reading wanders with time", family="drift",
     signature="reading error that grows with time, not with value or rate",
-    source="temperature of sensors and amplifiers; range assumed", at={"signal.shown": drift},
-    parameters=(EffectParameter("rate", "value/s", null=0.0, low=-0.05, high=0.05, default=0.01),), law_std=ANY_SHAPE,
+    source="temperature of sensors and amplifiers, which takes minutes; range assumed", at={"signal.shown": drift},
+    parameters=(EffectParameter("rate", "value/s", null=0.0, low=-5e-3, high=5e-3, default=2e-3),), law_std=ANY_SHAPE,
 )  # fmt: skip
 DEAD_ZONE = Effect(
     id="signal.dead_zone", summary="reading starts only from a width on", family="dead zone",
