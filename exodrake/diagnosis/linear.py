@@ -180,7 +180,7 @@ def minimise_bounded(
     scaled = factor.T @ factor
     target = np.linalg.solve(factor.T, -slope / size)
     found = np.linalg.solve(factor, target)
-    ends = low * size, np.maximum(high * size, low * size + 1e-9 * np.maximum(np.abs(low * size), 1.0))
+    ends = low * size, np.maximum(high * size, np.nextafter(low * size, np.inf))
     if np.any((found < ends[0]) | (found > ends[1])):
         found = lsq_linear(factor, target, ends, method="bvls").x
     return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)

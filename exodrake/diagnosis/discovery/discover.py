@@ -318,7 +318,10 @@ def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoin
         # plausible weights: the range of the value that passes, over that of the factor
         size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
         size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
-        span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+        least_span = 1e-6 * np.maximum(1.0, abs(low))
+        if np.all(high - low <= least_span):
+            continue  # a law of what stays as it is would be a number
+        span = np.maximum(high - low, least_span)
         if form.kind == RELAXATION:
             knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
             size = size / np.maximum(high - low, 1e-9)
