@@ -231,6 +231,27 @@ def test_an_axis_whose_efforts_are_volts_is_as_large_as_its_recording_says(arm_f
         assert value.low < truth[effect.id] < value.high
 
 
+def test_laws_that_would_mispredict_the_other_way_round_are_not_named(arm_folder):
+    """A bend of the friction, which no effect is, looks like an asymmetry where each log goes one way, at its speed."""
+    arm_folder.joinpath("bend.urdf").write_text(PENDULUM.format(0.0, 0.04))
+    robot, logs = made(arm_folder, "bend", "--urdf", str(arm_folder / "bend.urdf"), "--frame", "0.01"), []
+    time, rng = 0.01 * np.arange(600), np.random.default_rng(0)
+    slow, fast, both = 2.0 + 8.0 * time / 6.0, -18.0 - 3.0 * np.sin(1.3 * time), -6.0 - 5.0 * np.sin(1.6 * time)
+    for v in (slow, fast, both):
+        a = np.gradient(v, 0.01)
+        effort = 5.0 * np.sign(v) + 0.3 * v - 0.006 * v * abs(v) + 0.04 * a + 0.02 * rng.standard_normal(len(v))
+        kinds = {"position": np.cumsum(v) * 0.01, "velocity": v, "acceleration": a, "effort": effort}
+        logs.append({kind: values[:, None] for kind, values in kinds.items()})
+    case = case_of(robot, logs)
+    names = zip(case.logs, ("slow", "fast", "both"), strict=True)
+    found = exo.diagnose(replace(case, logs=tuple(replace(item, protocol=name) for item, name in names)), robot)
+    assert {e.id for e in found.effects if e.role == CAUSE} == {"arm.coulomb_friction", "arm.viscous_friction"}
+    one, other, held = (np.column_stack([np.sign(v), v, v * abs(v)]) for v in (slow, fast, both))
+    simple = np.linalg.lstsq(np.vstack([one, other])[:, :2], np.vstack([one, other]) @ [5.0, 0.3, -0.006])[0]
+    error = held @ [5.0, 0.3, -0.006] - held[:, :2] @ simple
+    assert found.closure.signals["effort_pin"].after < 1.5 * np.sqrt(np.mean(error**2))
+
+
 def test_a_log_in_which_the_joint_only_turns_round_is_left_out_and_said(arm_folder):
     robot, logs = made(arm_folder, "turns", "--urdf", "rotary_axis"), []
     for seed in range(3):

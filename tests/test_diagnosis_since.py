@@ -13,7 +13,7 @@ from exodrake.core.confidence import ALPHA
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.isolation import isolate
-from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.problem import make_problem, with_recorded_ranges
 from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide
@@ -145,7 +145,7 @@ def test_one_long_log_is_dated_by_windows():
     moved = np.where(before.time >= 48.0, after["angle_bending"], before["angle_bending"])
     log = before.with_signals({"angle_bending": moved})
     case = Case("long", {}, (CaseLog(log, "random", "fit", None, "long.csv"),), nominal.machine.frame)
-    since, _ = answered(case, nominal)
+    since, _ = answered(case, with_recorded_ranges(nominal, case))
     assert since.unit == "s" and len(since.sessions) == 8
     change = since.clearest.change
     assert change.began[1] <= 48.0 <= change.began[2] and change.began[2] - change.began[1] <= 40.0

@@ -27,16 +27,24 @@ from exodrake.simulation.simulate import simulate
 BOTH, FRICTION, DRIFT = (frozenset(some) for some in (("friction", "drift"), ("friction",), ("drift",)))
 
 
-def decide(monkeypatch, find, usable=lambda fitted: True, family="friction"):
-    """Effects and roles that are left of two; find: set -> effect -> role and share."""
+def decide(monkeypatch, find, usable=lambda fitted: True, family="friction", errors=None, rivals=()):
+    """Effects and roles that are left of two; find: set -> effect -> role and share.
+
+    errors: set -> error on motion that is left out. rivals: sets with another effect in the place of one.
+    """
+    errors = errors or {}
+    monkeypatch.setattr(verdict, "predict_left_out", lambda problem, one: errors.get(one.effects, 1.0))
+    others = {f"rival {k}": SimpleNamespace(effects=key) for k, key in enumerate(rivals)}
+    monkeypatch.setattr(verdict, "list_rivals", lambda found, best, *_: others if best.effects == BOTH else {})
     monkeypatch.setattr(verdict, "find_roles", lambda found, best: {i: role for i, (role, _) in find(best).items()})
     gains = lambda found, best: {i: np.array([share]) for i, (_, share) in find(best).items()}  # noqa: E731
     monkeypatch.setattr(verdict, "measure_gains", gains)
-    sets = {key: SimpleNamespace(effects=key) for key in (BOTH, FRICTION, DRIFT)}
+    smaller = [key - {i} for key in rivals for i in key]
+    sets = {key: SimpleNamespace(effects=key) for key in (BOTH, FRICTION, DRIFT, frozenset(), *smaller)}
     effects = [SimpleNamespace(id="drift", family=family)]
     search = SimpleNamespace(sets=sets, usable=usable, reduce=lambda effects: None, effects=effects)
-    found = SimpleNamespace(search=search, best=sets[BOTH])
-    best, roles = verdict.drop_refinements(found)
+    found = SimpleNamespace(search=search, best=sets[BOTH], problem=None)
+    best, roles = verdict.drop_misleading(found)
     assert roles.keys() == best.effects
     return best.effects, [*roles.values()]
 
@@ -59,6 +67,23 @@ def test_a_refinement_goes_if_whole_logs_are_worse_with_it_or_it_is_of_time_alon
 
     effects, _ = decide(monkeypatch, find, lambda fitted: usable, family)
     assert effects == (BOTH if kept else FRICTION)
+
+
+@pytest.mark.parametrize(
+    ("errors", "rivals", "left"),
+    [
+        ({BOTH: 1.9}, (), BOTH),
+        ({BOTH: 2.1, DRIFT: 1.5}, (), FRICTION),
+        ({BOTH: 2.1, FRICTION: 1.5, DRIFT: 1.2}, (), BOTH),
+        ({BOTH: 2.1, FRICTION: 1.5, DRIFT: 1.5, frozenset("ab"): 1.0}, (frozenset("ab"),), frozenset("ab")),
+    ],
+)
+def test_a_set_gives_way_to_one_that_leaves_half_as_much_on_motion_that_is_left_out(monkeypatch, errors, rivals, left):
+    def find(best):
+        return dict.fromkeys(sorted(best.effects)[::-1], (CAUSE, 0.5))
+
+    effects, _ = decide(monkeypatch, find, errors=errors, rivals=rivals)
+    assert effects == left
 
 
 @pytest.mark.parametrize("values", [[-0.01, -0.02, 0.0], [0.99, 0.9, 1.1], [1.2, 1.2, 1.2], [0.5]])

@@ -8,6 +8,7 @@ The intervals come from one bootstrap over blocks of time. Held-out logs serve t
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -51,6 +52,27 @@ def kinds_of_motion(problem: Problem) -> dict[str, str]:
     return {n: re.sub(r"[-_ ]*\d+$", "", protocols.get(n, n)) or protocols.get(n, n) for n in names}
 
 
+def group_by_motion(problem: Problem) -> dict[str, list[int]]:
+    """Positions of the fitted logs of each kind of motion."""
+    kinds, groups = kinds_of_motion(problem), defaultdict[str, list[int]](list)
+    for k, trial in enumerate(problem.fit):
+        groups[kinds[trial.name]].append(k)
+    return groups
+
+
+def predict_left_out(problem: Problem, fitted: Fitted) -> float:
+    """RMS error [noise_std] on kinds of motion that are left out of the fit, one at a time; infinite of a single log.
+
+    Logs where all are of one kind. Cross-validation by blocks that have something in common (Roberts et al. 2017).
+    """
+    groups, left = [*group_by_motion(problem).values()], list[np.ndarray]()
+    groups = groups if len(groups) > 1 else [[k] for k in range(len(problem.fit))]
+    for logs in groups if len(groups) > 1 else ():
+        trials = tuple(problem.fit[k] for k in logs)
+        left.append(problem.residual(without_logs(fitted, logs)[None], trials)[0])
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else np.inf
+
+
 def measure_closure(problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
 
@@ -65,10 +87,7 @@ def measure_closure(problem: Problem, retuned: Fitted, best: Fitted, rows: np.nd
 
     alone = problem.holdout or len(problem.fit) == 1
     found = measure(problem, [rows if alone else robots([k]) for k in range(len(problem.judged))])
-    kinds, groups = kinds_of_motion(problem), dict[str, list[int]]()
-    for k, trial in enumerate(problem.fit):
-        groups.setdefault(kinds[trial.name], []).append(k)
-    motions = {}
+    kinds, groups, motions = kinds_of_motion(problem), group_by_motion(problem), dict[str, Interval]()
     for kind, logs in groups.items() if len(groups) > 1 and best.effects else ():
         part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
         motions[kind] = measure(part, [robots(logs)] * len(logs)).overall

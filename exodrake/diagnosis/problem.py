@@ -414,8 +414,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
-    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log, or
-    in a minute. Ranges are only widened.
+    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log,
+    or in a minute. Ranges are only widened.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():

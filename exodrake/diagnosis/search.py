@@ -240,15 +240,15 @@ class Search:
         again = [key for key in self.sets if (key, PLAINER) not in self.expanded and likelier(key)]
         self.expanded |= {(key, PLAINER) for key in again}
         self.add(side_by_side([partial(self.fit_again, key) for key in again]))
-        self.barred, held = set(), defaultdict[str, dict[Fitted, list[Fitted]]](lambda: defaultdict(list))
+        self.barred, held = set(), defaultdict[str, dict[frozenset[str], list[Fitted]]](lambda: defaultdict(list))
         for key, rich in self.sets.items():
             for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
-                held[effect][rich].append(plain)
+                held[effect][key].append(plain)
         barred = set[str]()
         for effect, pairs in held.items():
-            rich = self.best_of(pairs)
+            rich = self.best_of([self.sets[key] for key in pairs])
             gain = self.measure_left(self.best_within(rich.effects - {effect})) - self.measure_left(rich)
-            for plain in pairs[rich]:
+            for plain in pairs[rich.effects]:
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
                 more = len(rich.explanation.x) - len(plain.explanation.x)
                 if as_good and self.usable(plain) and not self.beats(rich, plain, more):
