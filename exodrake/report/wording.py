@@ -331,9 +331,13 @@ def kind_gaps(diagnosis: Diagnosis) -> dict[str, tuple[Display, SignalGap]]:
 
 
 def list_changes(diagnosis: Diagnosis) -> list[tuple[Parameter, float]]:
-    """Nominal parameters with the coordinates that the improved robot gives them, the largest change first."""
-    improved, nominal = (diagnosis.robots[name] for name in ("improved", "nominal"))
-    found = [(p, p.coordinate(float(improved.values[p.index[0]]))) for p in nominal_parameters(nominal)]
+    """Nominal parameters with the coordinates that the improved robot gives them, the largest change first.
+
+    Of a set that was not accepted nothing counts: then those of the retuned robot.
+    """
+    last = diagnosis.robots["retuned" if diagnosis.verdict == result.UNKNOWN else "improved"]
+    nominal = diagnosis.robots["nominal"]
+    found = [(p, p.coordinate(float(last.values[p.index[0]]))) for p in nominal_parameters(nominal)]
     return sorted(found, key=lambda change: -abs(change[1] / change[0].prior_std))
 
 
@@ -345,7 +349,7 @@ def describe_change(machine: Machine, parameter: Parameter, x: float) -> tuple[s
 
 
 def retuned_words(diagnosis: Diagnosis) -> str:
-    """Nominal parameters that the improved robot changes by much, or as far as tolerances allow; empty without any."""
+    """Nominal parameters that changed by much, or as far as tolerances allow; empty without any."""
     found = []
     for p, x in list_changes(diagnosis):
         before, after, limit = describe_change(diagnosis.machine, p, x)
