@@ -158,13 +158,13 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
         for axes, kind in zip(panels, runs.kinds):
             indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
+            axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
             for robot, style in drawn.items():  # mean of Welch's estimates over the logs; some may be shorter
                 columns = [np.nan_to_num(log.residuals[robot][:, i]) for log in runs.closure_logs for i in indices]
                 found = [welch(c, 1.0 / runs.period, nperseg=max(SHORTEST, len(c) // SECTIONS)) for c in columns]
                 frequency = min((frequency for frequency, _ in found), key=len)
                 power = np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
                 axes.loglog(frequency[1:], power[1:], **style)
-            axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
             axes.set(title=find_display(kind, diagnosis.machine).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
             label_ticks(axes.xaxis)
