@@ -121,9 +121,9 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
     closed = {"retuned": closure.retune, "after": closure.overall}
     step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
-    sizes, unit = w.robot_errors(diagnosis)
+    sizes, in_noise = w.robot_errors(diagnosis)
     rows = [(key, name, sizes[key], closure.rms[key]) for key, name in robots.items()]
-    rows += [("noise", "noise alone", "1.00", 1.0)] if unit.startswith("noise") else []
+    rows += [("noise", "noise alone", "1.00", 1.0)] if in_noise else []
     errors = [
         {"key": key, "name": name, "rms": size, "length": min(rms / largest, 1.0)}
         | {"overall": closed.get(key), "effect": step.get(key)}
@@ -148,7 +148,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     tables = [Table(header, totals)]
     if len(rows) > len(totals):  # else each kind has one signal, and its row says it
         tables.append(Table(header, rows, folded=f"Each of the {len(rows)} signals"))
-    unit = f"in {unit}: 1 is noise alone" if unit.startswith("noise") else f"in per cent {unit}"
+    unit = "noise standard deviations: 1 is noise alone" if in_noise else "per cent of the nominal robot's"
     answer: dict[str, Any] = {"errors": errors, "error_unit": unit, "curves": None, "gaps": tables, "spectrum": None}
     if not runs.closure_logs:
         return answer

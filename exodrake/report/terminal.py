@@ -94,7 +94,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
             console.print(f"        {w.closure_words(closure.effect, 'what retuning alone leaves')}")
         if words := w.motion_words(diagnosis):
             console.print(f"        {words}")
-        errors, unit = w.robot_errors(diagnosis)
+        errors, in_noise = w.robot_errors(diagnosis)
+        unit = "noise standard deviations" if in_noise else "of the nominal robot's"
         robots = ", ".join(f"{name} {errors[key]}" for key, name in w.list_robots(diagnosis).items())
         console.print(f"error   {robots} {unit} (RMS)")
     if retuned := w.retuned_words(diagnosis):

@@ -296,12 +296,15 @@ def list_robots(diagnosis: Diagnosis) -> dict[str, str]:
     return dict(list(robots.items())[: {result.NO_GAP: 1, result.RETUNE: 2}.get(diagnosis.verdict, 3)])
 
 
-def robot_errors(diagnosis: Diagnosis) -> tuple[dict[str, str], str]:
-    """RMS error of each of these robots over all signals, and its unit: noise, or what the nominal one leaves."""
+def robot_errors(diagnosis: Diagnosis) -> tuple[dict[str, str], bool]:
+    """RMS error of each of these robots over all signals, and whether in noise standard deviations.
+
+    Else in per cent of the nominal robot's: noise is no measure of errors that are all beyond `VAST`.
+    """
     rms = {key: diagnosis.closure.rms[key] for key in list_robots(diagnosis)}
     if min(rms.values()) > VAST:
-        return {key: percent(size / rms["before"]) for key, size in rms.items()}, "of the nominal robot's"
-    return {key: digits(size) for key, size in rms.items()}, "noise standard deviations"
+        return {key: percent(size / rms["before"]) for key, size in rms.items()}, False
+    return {key: digits(size) for key, size in rms.items()}, True
 
 
 def last_robot(diagnosis: Diagnosis) -> str:
