@@ -15,6 +15,8 @@ from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis import problem
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.isolation import affordable, isolate
 from exodrake.diagnosis.localise import regime
 from exodrake.diagnosis.problem import make_problem
@@ -250,6 +252,18 @@ def test_laws_that_would_mispredict_the_other_way_round_are_not_named(arm_folder
     simple = np.linalg.lstsq(np.vstack([one, other])[:, :2], np.vstack([one, other]) @ [5.0, 0.3, -0.006])[0]
     error = held @ [5.0, 0.3, -0.006] - held[:, :2] @ simple
     assert found.closure.signals["effort_pin"].after < 1.5 * np.sqrt(np.mean(error**2))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_equal_efforts_on_another_motion_are_no_copy(seed, arm_folder):
+    """The duty of one step moves a motor otherwise with a load; the same motion with it is a copy."""
+    robot, duty = (
+        made(arm_folder, f"duty{seed}", "--urdf", "rotary_axis"),
+        np.random.default_rng(0).normal(size=(600, 1)),
+    )
+    motions = [dict(zip(("position", "velocity", "acceleration"), motion(k, 600, robot))) for k in (0, seed)]
+    case = case_of(robot, [one | {"effort": duty} for one in motions])
+    assert any("holds the samples of" in said for said in suspicions(compare(case, robot))) == (seed == 0)
 
 
 def test_a_log_in_which_the_joint_only_turns_round_is_left_out_and_said(arm_folder):

@@ -114,6 +114,14 @@ def test_a_parameter_without_play_stays_where_it_is_however_steep_the_cost():
     assert found == pytest.approx([1.0], rel=1e-6) and value == pytest.approx(2.5e14, rel=1e-6)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_parameter_without_bounds_stays_without_them_where_another_ends_at_its_own():
+    """The minimum over b of (a - 1)^2 + (b - 3)^2 + a b where a is at least 0: a = 0, b = 3."""
+    normal, slope = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.0, -6.0])
+    found, value = minimise_bounded(normal, slope, np.array([0.0, -np.inf]), np.array([1.0, np.inf]))
+    assert found == pytest.approx([0.0, 3.0], abs=1e-9) and value == pytest.approx(-9.0)
+
+
 @pytest.fixture(scope="module")
 def problem():
     nominal = load_robot()

@@ -86,6 +86,14 @@ def test_a_set_gives_way_to_one_that_leaves_half_as_much_on_motion_that_is_left_
     assert effects == left
 
 
+def test_a_rival_does_not_double_the_error_on_motion_that_is_left_out(monkeypatch):
+    errors = {"best": 1.0, "as good": 1.9, "worse": 2.1}
+    monkeypatch.setattr(verdict, "predict_left_out", lambda problem, one: errors[one])
+    search = SimpleNamespace(list_rivals=lambda best, effect, gain: {"lag": "as good", "play": "worse"})
+    found = SimpleNamespace(search=search, problem=None, beside_detections=1.0)
+    assert verdict.list_rivals(found, "best", "latency", 0.9) == {"lag": "as good"}
+
+
 @pytest.mark.parametrize("values", [[-0.01, -0.02, 0.0], [0.99, 0.9, 1.1], [1.2, 1.2, 1.2], [0.5]])
 def test_a_share_lies_between_its_ends_and_these_between_none_and_all(values):
     share = verdict.jackknife_share(np.array(values))

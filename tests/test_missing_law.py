@@ -22,7 +22,7 @@ from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.formats import read_log
 from exodrake.data.log import Log
 from exodrake.diagnosis.discovery import law_code
-from exodrake.diagnosis.discovery.discover import discover, weigh_scales
+from exodrake.diagnosis.discovery.discover import discover, list_candidates, weigh_scales
 from exodrake.diagnosis.discovery.law_code import (
     add_laws,
     law_points,
@@ -282,6 +282,21 @@ def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_fol
     ends = rubbed(curve.u[[0, -1]])
     assert np.all((curve.low[[0, -1]] < ends) & (ends < curve.high[[0, -1]])) and ends[0] < -0.02 and ends[1] > 0.02
     assert law.closure is not None and law.closure.low > 0.5
+
+
+def test_no_law_is_sought_over_what_stays_as_it_is(arm_folder):
+    """The mass of a link is a number; the effort on its joint is not."""
+    robot = bare(made(arm_folder, "steady", "--urdf", "rotary_axis", "--form", "inverse"))
+    laws = [point for point in law_points(robot.machine) if point.key in ("arm.pushed", "arm.weighed")]
+    machine = add_laws(robot.machine)
+    log = exo.simulate(robot, protocol("random-motion:duration=4", robot))
+    problem = make_problem(
+        Case("steady", {}, (CaseLog(log, "fit", "fit", None, "fit.csv"),), 0.005), robot, frozenset()
+    )
+    values = law_code.values_on(problem.silent(), robot.machine, machine)
+    tried = list_candidates(replace(problem, robot=robot_on(problem.robot, machine)), values, laws)
+    assert {law.key for law in laws} == {"arm.pushed", "arm.weighed"}
+    assert {candidate.law.key for candidate in tried} == {"arm.pushed"}
 
 
 def test_absent_laws_leave_the_bits():

@@ -115,6 +115,26 @@ def test_headline_names_cause_place_share_and_what_remains():
     assert best in said[UNKNOWN] and "in the tendon at tendons AF and MF" in said[UNKNOWN]
 
 
+def test_errors_are_in_per_cent_of_the_nominal_robot_s_where_noise_is_no_measure():
+    found = diagnosis()
+    signals = {name: replace(gap, noise_std=1e-4 * gap.noise_std) for name, gap in found.closure.signals.items()}
+    found = replace(found, closure=replace(found.closure, signals=signals), problem=(runs := simulated_logs()).problem)
+    rms, console = found.closure.rms, Console(record=True, width=200, file=StringIO())
+    left = f"{100.0 * rms['after'] / rms['before']:.0f} %"
+    print_summary(found, console)
+    assert f"improved robot {left} of the nominal robot's (RMS)" in console.export_text()
+    html = render_report(found, runs)
+    assert "in per cent of the nominal robot&#39;s" in html and f"<b>{left}</b>" in html and "noise alone" not in html
+
+
+def test_of_an_answer_that_was_not_accepted_what_retuning_changed_is_said():
+    found = diagnosis(UNKNOWN)
+    robots = {name: found.robots["nominal"].with_parameters({"finger.kappa.MCP": 0.06}) for name in ("improved",)}
+    found = replace(found, robots=found.robots | robots | {"retuned": found.robots["nominal"]})
+    assert wording.retuned_words(found) == ""
+    assert "finger.kappa.MCP" in wording.retuned_words(replace(found, verdict=PARTLY))
+
+
 @pytest.mark.parametrize("verdict", [NO_GAP, RETUNE])
 def test_a_gap_that_held_out_motion_alone_shows_is_said(verdict):
     found = replace(diagnosis(verdict), problem=SimpleNamespace(holdout=("far.csv",)))
