@@ -3,15 +3,13 @@
 from exodrake.effects.signal import drift, lose_sample, shift
 from exodrake.model.effect import Effect, EffectParameter
 
-REMEMBERED = 12  # commands that the bus remembers [-]
 
-
-def delay_command(command, history, first, passed, step, frames):
+def delay_command(command, history, first, depth, passed, step, frames):
     """Command that arrives late by a number of frames.
 
     c(n) = c_cmd(n - frames)          within a step the two neighbours are mixed, so that a fit can move through
     """
-    frames = min(max(frames, 0.0), REMEMBERED - 2.0)
+    frames = min(max(frames, 0.0), depth - 2.0)
     whole = int(frames)
     older = min(max((frames - whole - passed) / step, 0.0), 1.0)
     return (1.0 - older) * history[first + whole] + older * history[first + whole + 1]

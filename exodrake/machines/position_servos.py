@@ -1,6 +1,6 @@
 """Machines of position servos (command -> joint -> reading): ideal ones, or with motor, gear and supply."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -110,6 +110,13 @@ def servo_machine(name: str, section: Any, source: str) -> Machine:
     return joint_machine(name, section["part"], joints, effects, section["frame"], section["max_effects"], settings)
 
 
+def with_long_latency(library: Iterable[Effect], frame: float) -> tuple[Effect, ...]:
+    """The effects, commands late by as much as is remembered: a frame [s] may be short."""
+    more = joint_command.count_remembered(frame) / joint_command.LEAST
+    return tuple(replace(e, parameters=(e.parameters[0].resize(more, "-"), *e.parameters[1:]))
+                 if delay_command in e.at.values() else e for e in library)  # fmt: skip
+
+
 def joint_machine(
     name: str, part: str, joints: tuple[str, ...], library: tuple[Effect, ...], frame: float, max_effects: int,
     settings: tuple[Signal, ...] = (),
@@ -121,8 +128,8 @@ def joint_machine(
     """
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
-    library = (*library, *add_generic(tuple(standard), library))
-    given, command = (*REFERENCES, *settings), joint_command.SET_PART if settings else joint_command.PART
+    library = with_long_latency((*library, *add_generic(tuple(standard), library)), frame)
+    given, command = (*REFERENCES, *settings), joint_command.commands(frame, tuple(s.name for s in settings))
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     parts = (replace(joint.PART, name=part), command, reading)
     return Machine(
@@ -161,8 +168,9 @@ def motor_machine(
         "force/speed": (friction / TURNING, "N m s/rad"),
     }  # fmt: skip
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
-    parts = (servo.part(scales), joint_command.TICK_PART, *ideal.parts[2:])
-    found = (*OF_COMMANDS, *(effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT))
+    parts = (servo.part(scales), joint_command.commands(frame, ticks=True), *ideal.parts[2:])
+    own = (effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT)
+    found = (*with_long_latency(OF_COMMANDS, frame), *own)
     slots = max(4, ceil(frame / TICK))
     return replace(ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism)
 
@@ -224,7 +232,7 @@ def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]
         machine = robot.machine
         parts = [replace(p, tasks=tuple(replace(t, reads=("angle_sent", *t.reads[1:]), slots=t.slots and (1,))
                                         for t in p.tasks))
-                 if p.name == joint_command.PART.name else p for p in machine.parts]  # fmt: skip
+                 if p.module is joint_command else p for p in machine.parts]  # fmt: skip
         closed = replace(
             machine, parts=(*parts, joint_loop.PART), signals=(*machine.signals, Signal("angle_sent", "rad", JOINTS)),
             loop=replace(loop, outer=None),

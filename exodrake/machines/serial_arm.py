@@ -48,6 +48,7 @@ SECTION = mapping(
     {"urdf": text(), "form": text(FORMS), "frame": number(above=0.0, high=SLOWEST), "tip": text()}, required=("urdf",)
 )
 FRAME = 0.005  # s, as most recordings of arms: assumed
+LATE = 0.005  # s: efforts are late by three rows at most, or by three times this where rows are closer; assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
@@ -113,7 +114,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     late = Delay("effort_delay", "noise_effort", tuple(f"torque.sigma.{j}" for j in chain.names))
     *given, effort = columns(chain, {**{s.name: s.name for s in motion}, "effort": "effort_read"})
     parts = (
-        dynamics.inverse_part(scales(chain, efforts) | {"period": (frame, "s")}, unit),
+        dynamics.inverse_part(scales(chain, efforts) | {"period": (max(frame, LATE), "s")}, unit),
         reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names)),
     )  # fmt: skip
     return make_machine(

@@ -7,9 +7,9 @@ from exodrake.physics.arithmetic import remember
 
 DEPTH = 12  # commands remembered per wire, the newest first
 
-send = Point("sent", TENDONS, "command, history, first, passed, step, held, arrival, frame_arrival",
+send = Point("sent", TENDONS, "command, history, first, depth, passed, step, held, arrival, frame_arrival",
              "speed [m/s] that reaches drive j, from the newest command; history: commands of all tendons [m/s], the "
-             "newest of this one at `first`, older ones after it; passed, step: 0 and 1, shares of the frame that have "
+             "newest of this one at `first`, `depth` of them; passed, step: 0 and 1, shares of the frame that have "
              "passed and that the speed holds for; held: speed so far [m/s]; arrival, frame_arrival: uniform draws in "
              "0 .. 1 of this frame, for this drive and for all drives", laws=())  # fmt: skip
 
@@ -18,7 +18,8 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
     """The bus writes to drive j; signal [m/s], uniform draws."""
     remember(x, DEPTH * j, DEPTH, speed_cmd[j])
     applied = 3 * DEPTH + j
-    x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, 0.0, 1.0, x[applied], packet_arrival[j], packet_arrival[0])
+    arrival, of_all = packet_arrival[j], packet_arrival[0]
+    x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, DEPTH, 0.0, 1.0, x[applied], arrival, of_all)
 
 
 PART = Part(
