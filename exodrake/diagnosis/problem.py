@@ -5,6 +5,7 @@ A `Trial` is one log of the case as arrays. A `Detection` is an effect that a de
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -381,22 +382,24 @@ def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[s
 
 
 def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
-    """Largest value of the recorded signals by unit [SI]: travel of lengths and angles, size of efforts and rates."""
-    found, signals = dict[str, float](), dict[str, list[np.ndarray]]()
+    """Largest value of the recorded signals by unit [SI]: travel of lengths and angles, size of efforts and rates.
+
+    Of what is measured, not of what is commanded, lengths and angles have rates, too: those that a twentieth exceed,
+    since counts and lost rows make single ones large.
+    """
+    found, signals = dict[str, float](), defaultdict[str, list[np.ndarray]](list)
     for column in machine.columns:
         names = [name for name in machine.log_names([column]) if "start" not in name]
-        recorded = (item.log[name] for item in case.fit_logs for name in names if item.log.has(name))
+        recorded = [item.log[name] for item in case.fit_logs for name in names if item.log.has(name)]
         unit = column.unit or machine.signal[column.signal].unit
-        signals.setdefault(unit, []).extend(values for values in recorded if np.isfinite(values).any())
+        signals[unit] += recorded
+        if unit in ("rad", "m") and column.signal not in machine.inputs:
+            rates = [np.abs(np.diff(values)) / machine.frame for values in recorded]
+            signals[f"{unit}/s"] += [np.nanquantile(rate, [0.95]) for rate in rates if np.isfinite(rate).any()]
     for unit, recorded in signals.items():
-        travel = unit in ("rad", "m")
-        sizes = [np.nanmax(values) - np.nanmin(values) if travel else np.nanmax(np.abs(values)) for values in recorded]
-        found[unit] = max(found.get(unit, 0.0), *map(float, sizes), 0.0)
-        rates = [np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame for values in recorded if travel]
-        if rates:
-            found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), *map(float, rates))
-        elif sizes:
-            found[f"{unit}/s"] = found[unit] / max(machine.frame * max(map(len, recorded)), MINUTE)
+        values = [each[np.isfinite(each)] for each in recorded]
+        sizes = [np.ptp(each) if unit in ("rad", "m") else np.abs(each).max() for each in values if len(each)]
+        found[unit] = float(max(sizes, default=0.0))
     for force, per in product(("N m", "N"), ("rad", "m")):
         if found.get(force) and found.get(per):
             rates = [np.diff(values) / machine.frame for values in signals[per]]
@@ -415,22 +418,28 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
     largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log,
-    or in a minute. Ranges are only widened.
+    or in a minute. Ranges are only widened. A limit is first sought at the end
+    that the recording gives it: one beyond shows nothing.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
+    longest = max((item.log.duration for item in case.fit_logs), default=0.0)
     for name, largest in machine.recorded.items():
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
     for effect in machine.effects:
         first, *others = effect.parameters
         reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
-        reach *= DRIFT if effect.family == "drift" else 1.0
-        generic = {id(function) for function in effect.at.values()} <= laws
-        short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
-        if generic and not (stated and stated.parameters == effect.parameters) and short:
+        if effect.family == "drift":
+            reach = DRIFT * size.get(first.unit.removesuffix("/s"), 0.0) / max(longest, MINUTE)
+        limit, generic = first.transform == "reciprocal", {id(function) for function in effect.at.values()} <= laws
+        known = not generic or (stated and stated.parameters == effect.parameters)
+        if not known and (limit or (first.transform == "linear" and first.null == 0.0)) and 0.0 < first.high < reach:
             wide = first.resize(reach / first.high, first.unit)
-            low = first.low if first.low > 0.0 else wide.low
-            effect = replace(effect, parameters=(replace(wide, high=reach, low=low), *others))
+            if limit:
+                wide = replace(wide, default=reach)
+            elif first.low > 0.0:
+                wide = replace(wide, low=first.low)
+            effect = replace(effect, parameters=(replace(wide, high=reach), *others))
         effects.append(effect)
     widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
     return replace(robot, values=values, machine=widened)
