@@ -9,7 +9,6 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial, reduce
@@ -240,15 +239,13 @@ class Search:
         again = [key for key in self.sets if (key, PLAINER) not in self.expanded and likelier(key)]
         self.expanded |= {(key, PLAINER) for key in again}
         self.add(side_by_side([partial(self.fit_again, key) for key in again]))
-        self.barred, held = set(), defaultdict[str, dict[frozenset[str], list[Fitted]]](lambda: defaultdict(list))
-        for key, rich in self.sets.items():
-            for effect, plain in self.list_plainer(key) if self.usable(rich) else ():
-                held[effect][key].append(plain)
-        barred = set[str]()
-        for effect, pairs in held.items():
-            rich = self.best_of([self.sets[key] for key in pairs])
+        self.barred, barred = set(), set[str]()
+        usable = [(key, rich) for key, rich in self.sets.items() if self.usable(rich)]
+        held = [(effect, rich, plain) for key, rich in usable for effect, plain in self.list_plainer(key)]
+        for effect in dict.fromkeys(law for law, *_ in held):
+            rich = self.choose_best([rich for law, rich, _ in held if law == effect])
             gain = self.measure_left(self.best_within(rich.effects - {effect})) - self.measure_left(rich)
-            for plain in pairs[rich.effects]:
+            for plain in (plain for law, other, plain in held if law == effect and other is rich):
                 as_good = self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain
                 more = len(rich.explanation.x) - len(plain.explanation.x)
                 if as_good and self.usable(plain) and not self.beats(rich, plain, more):
@@ -303,9 +300,9 @@ class Search:
     @property
     def best(self) -> Fitted:
         """The best of all fitted sets."""
-        return self.best_of(self.sets.values())
+        return self.choose_best(self.sets.values())
 
-    def best_of(self, sets: Collection[Fitted]) -> Fitted:
+    def choose_best(self, sets: Collection[Fitted]) -> Fitted:
         """The usable set of largest evidence whose effects all earn their place; the smallest if none is usable."""
         first, *others = sorted(sets, key=lambda f: len(f.effects))
         return reduce(lambda a, b: b if self.usable(b) and self.beats(b, a) else a, others, first)

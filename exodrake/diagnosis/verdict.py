@@ -6,6 +6,7 @@ An effect of the best set S takes up left(S without it) - left(S), where a set l
 It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or most of what is
 left without it and more than errors of the other effects' laws may leave, in all or where these are silent. Other
 effects of S are refinements.
+S has no effect that misleads on other motion: each kind is left out of the fit in turn and predicted by the others.
 Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that leaves no
 more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning moved, and the
 explanations that the logs do not tell apart.
