@@ -10,6 +10,7 @@ from arm_folders import made
 from diagnosis_cases import case_of, robot_with
 
 from exodrake.data.case import gather_logs
+from exodrake.data.log import Log
 from exodrake.diagnosis import verdict
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.isolation import isolate
@@ -244,6 +245,35 @@ def test_recordings_widen_only_ranges_that_the_library_does_not_state():
         wide = with_recorded_ranges(robot, gather_logs([far])).machine.effects
         changed = {a.id for a, b in zip(robot.machine.effects, wide, strict=True) if a.parameters != b.parameters}
         assert changed >= widened and bool(changed) == bool(widened)
+
+
+def test_a_speed_limit_is_sought_where_the_joints_are_fastest_and_a_drift_takes_a_minute():
+    """Joints that turn at 8 rad/s, whatever is commanded, and jump once."""
+    time = 0.02 * np.arange(500)
+    turning = 8.0 * time
+    turning[250:] += 3.0
+    joints = ("Rotation", "Pitch", "Elbow", "WristPitch", "WristRoll", "Jaw")
+    measured = {f"angle_{j}": turning if j == "Elbow" else np.zeros(500) for j in joints}
+    commanded = {f"angle_{kind}_{j}": 8.0 * time for kind in ("ref", "start") for j in joints}
+    case = gather_logs([Log(time, measured | commanded, source="turning")])
+    wide = {e.id: e.parameters[0] for e in with_recorded_ranges(load_robot("so101"), case).machine.effects}
+    limit, drift = wide["servo.speed_limit"], wide["reading.drift"]
+    assert limit.high == limit.initial == pytest.approx(8.0) and limit.low == pytest.approx(0.4)
+    assert drift.high == pytest.approx(0.3 * turning[-1] / 60.0)
+
+
+def test_a_delay_of_25_rows_is_found_in_logs_of_500_hz(arm_folder):
+    """What a servo was sent 50 ms ago, with noise."""
+    robot = made(arm_folder, "quick", "--joints", "knee", "--frame", "0.002")
+    time, rng, logs = 0.002 * np.arange(3000), np.random.default_rng(1), []
+    for _ in range(2):
+        sent = sum(0.2 * np.sin(2 * np.pi * f * time + rng.uniform(0.0, 6.0)) for f in (0.5, 1.1, 2.3))
+        shown = np.r_[np.full(25, sent[0]), sent[:-25]] + 1e-3 * rng.standard_normal(3000)
+        columns = {"angle_ref_knee": sent, "angle_start_knee": np.full(3000, sent[0]), "angle_knee": shown}
+        logs.append(Log(time, columns, source=f"run{len(logs)}"))
+    (cause,) = (e for e in diagnose(gather_logs(logs), robot).effects if e.role == CAUSE)
+    (frames,) = cause.parameters.values()
+    assert cause.id == "servo.latency" and frames.low < 25.0 < frames.high < 30.0
 
 
 def test_gaps_that_differ_from_run_to_run_are_no_gaps_of_tolerances():
