@@ -14,8 +14,8 @@ from exodrake.analysis.figures import draw_figures
 from exodrake.analysis.linear_model import add_controller
 from exodrake.analysis.robustness import assess_answer
 from exodrake.analysis.tuning import find_rough
-from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.problem import make_problem
+from exodrake.data.case import Case, CaseLog, gather_logs
+from exodrake.diagnosis.problem import make_problem, with_recorded_ranges
 from exodrake.effects import LIBRARY
 from exodrake.physics import servo
 
@@ -182,6 +182,21 @@ def test_a_late_command_reaches_a_servo_within_the_frame(nominal, late):
     )  # fmt: skip
     assert np.ptp(log["angle_elbow"]) > 0.5
     assert log["angle_elbow"] == pytest.approx(ticks[2::slots, 0], abs=1e-9)
+
+
+def test_ranges_grow_with_the_motor(nominal):
+    """Stall torque kt V / R, damping by the back-EMF kt^2 / R, all of it of one of two joints."""
+    strong = nominal.with_parameters({"servo.kt.elbow": 10.0 * nominal["servo.kt.elbow"]})
+    logs = [exo.simulate(nominal, "random-motion:duration=2", seed=1)]
+    ranges = [{e.id: e.parameters[0] for e in with_recorded_ranges(robot, gather_logs(logs)).machine.effects}
+              for robot in (nominal, strong)]  # fmt: skip
+    for effect, factor in (("coulomb_friction", 10.0), ("gravity_moment", 10.0), ("viscous_friction", 100.0),
+                           ("gear_compliance", 0.1), ("torque_constant", 1.0), ("gear_play", 1.0)):  # fmt: skip
+        own, more = (each[f"servo.{effect}"] for each in ranges)
+        assert (more.high, more.initial) == pytest.approx((factor * own.high, factor * own.initial)), effect
+    assert ranges[0]["servo.coulomb_friction"].high == pytest.approx(
+        {e.id: e for e in nominal.machine.effects}["servo.coulomb_friction"].parameters[0].high, rel=0.01
+    )
 
 
 def diagnose_planted(nominal, effect, **parameters):

@@ -417,29 +417,27 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
-    largest effort, play no larger than the travel; a reading drifts by no more than `DRIFT` of it in the longest log,
-    or in a minute. Ranges are only widened. A limit is first sought at the end
-    that the recording gives it: one beyond shows nothing.
+    largest effort, play no larger than the travel. A reading drifts by no more than `DRIFT` of it in the longest log,
+    or in a minute. So ranges are only widened. A limit is first sought at the end that the recording gives it: one
+    beyond shows nothing. Before that all ranges are those of a robot of this size (`Machine.sizes`).
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     longest = max((item.log.duration for item in case.fit_logs), default=0.0)
     for name, largest in machine.recorded.items():
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
+    larger = machine.sizes(robot) if machine.sizes else {}
     for effect in machine.effects:
-        first, *others = effect.parameters
-        reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
+        generic, stated = {id(function) for function in effect.at.values()} <= laws, LIBRARY.get(effect.id)
+        first, *others = (p.resize(larger[p.unit], p.unit) if p.unit in larger else p for p in effect.parameters)
+        reach, limit = size.get(first.unit, 0.0), first.transform == "reciprocal"
         if effect.family == "drift":
             reach = DRIFT * size.get(first.unit.removesuffix("/s"), 0.0) / max(longest, MINUTE)
-        limit, generic = first.transform == "reciprocal", {id(function) for function in effect.at.values()} <= laws
         known = not generic or (stated and stated.parameters == effect.parameters)
         if not known and (limit or (first.transform == "linear" and first.null == 0.0)) and 0.0 < first.high < reach:
-            wide = first.resize(reach / first.high, first.unit)
-            if limit:
-                wide = replace(wide, default=reach)
-            elif first.low > 0.0:
-                wide = replace(wide, low=first.low)
-            effect = replace(effect, parameters=(replace(wide, high=reach), *others))
-        effects.append(effect)
+            wide, low = first.resize(reach / first.high, first.unit), first.low
+            first = replace(wide, high=reach, default=reach) if limit else replace(wide, high=reach)
+            first = replace(first, low=low) if low > 0.0 and not limit else first
+        effects.append(replace(effect, parameters=(first, *others)))
     widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
     return replace(robot, values=values, machine=widened)

@@ -145,8 +145,9 @@ def joint_machine(
 
 
 TICK = 5e-4  # s, of the motors' equation of motion at most
-FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale with it: Rhoban/bam, 0.02-0.2
-TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed
+# the servo of whose size ranges of effects are, a Feetech STS3215 (Rhoban/bam, 2025): stall torque [N m], no-load speed
+# [rad/s], and friction of the gear [N m], which counts as viscous at so many rad/s; assumed
+STALL, NO_LOAD, FRICTION, TURNING = 3.5, 5.7, 0.05, 1.0
 FASTEST = replace(LIBRARY["joint.speed_limit"].parameters[0], high=10.0, default=2.0)
 AT_REFERENCE = {"joint.followed": "servo.firmware_reference"}
 # laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one,
@@ -159,20 +160,27 @@ OF_COMMANDS = (
 LEFT_OUT = tuple(f"reading.{law}" for law in ("delay", "crosstalk", "backlash", "dead_zone", "hysteresis"))
 
 
-def motor_machine(
-    name: str, joints: tuple[str, ...], frame: float, max_effects: int, friction: float = FRICTION
-) -> Machine:
-    """A machine of servos with motor, gear and supply; frame: its period [s]; friction: of the gears [N m], about."""
+def motor_machine(name: str, joints: tuple[str, ...], frame: float, max_effects: int) -> Machine:
+    """A machine of servos with motor, gear and supply; frame: its period [s]."""
     scales = {
-        "force": (friction, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
-        "force/speed": (friction / TURNING, "N m s/rad"),
+        "force": (FRICTION, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
+        "force/speed": (FRICTION / TURNING, "N m s/rad"),
     }  # fmt: skip
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
     parts = (servo.part(scales), joint_command.commands(frame, ticks=True), *ideal.parts[2:])
     own = (effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT)
     found = (*with_long_latency(OF_COMMANDS, frame), *own)
     slots = max(4, ceil(frame / TICK))
-    return replace(ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism)
+    return replace(
+        ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism, sizes=size_motors
+    )
+
+
+def size_motors(robot: Robot) -> dict[str, float]:
+    """How much more torque, and damping by the back-EMF, the largest motors have than the one that ranges are of."""
+    kt, volts, resistance = (robot.channels(f"servo.{name}") for name in ("kt", "supply", "R"))
+    torque, damping = (kt * volts / resistance).max() / STALL, (kt**2 / resistance).max() / (STALL / NO_LOAD)
+    return {"N m": torque, "N m s/rad": damping, "rad/(N m)": 1.0 / torque, "1/(N m)": 1.0 / torque}
 
 
 def motor_mechanism(robot: Robot) -> Mechanism:

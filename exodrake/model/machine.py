@@ -221,6 +221,7 @@ class Machine:
         separate: whether a parameter of a joint acts on that joint alone, but for effects that couple joints.
         defaults: values [SI] by full name of parameters that a robot file need not state.
         recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
+        sizes: by how much the ranges of effects, by their unit, are larger for a robot; None for those that are stated.
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
         settling: s from the start of a log after which samples count, where motion goes on that the log does not tell.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
@@ -262,6 +263,7 @@ class Machine:
     defaults: Mapping[str, float] = field(default_factory=dict)
     separate: bool = False
     recorded: Mapping[str, Callable[[Mapping[str, float]], float]] = field(default_factory=dict)
+    sizes: Callable[[Robot], Mapping[str, float]] | None = None
     resting: Mapping[str, str] = field(default_factory=dict)
     settling: float = 0.0
     nominal: Machine | None = None
