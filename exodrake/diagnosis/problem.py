@@ -418,8 +418,9 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
     largest effort, play no larger than the travel. A reading drifts by no more than `DRIFT` of it in the longest log,
-    or in a minute. So ranges are only widened. A limit is first sought at the end that the recording gives it: one
-    beyond shows nothing. Before that all ranges are those of a robot of this size (`Machine.sizes`).
+    or in a minute. So ranges are only widened. A limit of speed is first sought at the largest measured one: one beyond
+    shows nothing, one far below would have kept it smaller. Before that all ranges are those of a robot of this size
+    (`Machine.sizes`).
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     longest = max((item.log.duration for item in case.fit_logs), default=0.0)
@@ -430,7 +431,7 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     for effect in machine.effects:
         generic, stated = {id(function) for function in effect.at.values()} <= laws, LIBRARY.get(effect.id)
         first, *others = (p.resize(larger[p.unit], p.unit) if p.unit in larger else p for p in effect.parameters)
-        reach, limit = size.get(first.unit, 0.0), first.transform == "reciprocal"
+        reach, limit = size.get(first.unit, 0.0), first.transform == "reciprocal" and first.unit.endswith("/s")
         if effect.family == "drift":
             reach = DRIFT * size.get(first.unit.removesuffix("/s"), 0.0) / max(longest, MINUTE)
         known = not generic or (stated and stated.parameters == effect.parameters)
