@@ -262,20 +262,6 @@ def test_a_speed_limit_is_sought_where_the_joints_are_fastest_and_a_drift_takes_
     assert drift.high == pytest.approx(0.3 * turning[-1] / 60.0)
 
 
-def test_a_delay_of_25_rows_is_found_in_logs_of_500_hz(arm_folder):
-    """What a servo was sent 50 ms ago, with noise."""
-    robot = made(arm_folder, "quick", "--joints", "knee", "--frame", "0.002")
-    time, rng, logs = 0.002 * np.arange(3000), np.random.default_rng(1), []
-    for _ in range(2):
-        sent = sum(0.2 * np.sin(2 * np.pi * f * time + rng.uniform(0.0, 6.0)) for f in (0.5, 1.1, 2.3))
-        shown = np.r_[np.full(25, sent[0]), sent[:-25]] + 1e-3 * rng.standard_normal(3000)
-        columns = {"angle_ref_knee": sent, "angle_start_knee": np.full(3000, sent[0]), "angle_knee": shown}
-        logs.append(Log(time, columns, source=f"run{len(logs)}"))
-    (cause,) = (e for e in diagnose(gather_logs(logs), robot).effects if e.role == CAUSE)
-    (frames,) = cause.parameters.values()
-    assert cause.id == "servo.latency" and frames.low < 25.0 < frames.high < 30.0
-
-
 def test_gaps_that_differ_from_run_to_run_are_no_gaps_of_tolerances():
     """Most of the nominal robot's gap in each column is a disturbance that counts as noise, as repeats show it."""
     found = isolate(make_problem(case_of(robot_with(seed=3), 3, 400), load_robot()))
