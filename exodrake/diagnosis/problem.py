@@ -423,7 +423,7 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     (`Machine.sizes`).
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
-    longest = max((item.log.duration for item in case.fit_logs), default=0.0)
+    longest = machine.frame * max((len(item.log) for item in case.fit_logs), default=0)
     for name, largest in machine.recorded.items():
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
