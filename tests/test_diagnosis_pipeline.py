@@ -233,8 +233,7 @@ def test_more_of_a_log_is_fitted_where_a_set_leaves_what_grows_after_the_part_th
 
 def test_effect_beside_a_tremor_is_named_with_it():
     trembling = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
-    worn = trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"])
-    found = exo.diagnose(case_of(worn, 3, frames=450), tried=TREMBLES)
+    found = exo.diagnose(case_of(trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3), tried=TREMBLES)
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
     assert all(effect.role == CAUSE for effect in found.effects)
