@@ -329,14 +329,13 @@ rivals, and no others; no gap where nothing was planted.
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(work: Path, only: str, jobs: int, out: Path | None) -> None:
     """Plant faults, diagnose them, and count the right answers."""
-    tasks = [(name, *rest, work) for name, *rest in list_cases() if only in name]
+    answers, tasks = {}, [(name, *rest, work) for name, *rest in list_cases() if only in name]
     for outcome in each(kept, tasks, jobs):
         if outcome.reason:
             raise RuntimeError(outcome.reason)
-        name, found = outcome.value
-        click.echo(f"{name}: {found['verdict']} {' + '.join(e['id'] for e in found['effects'])}")
+        name, answers[name] = outcome.value
+        click.echo(f"{name}: {answers[name]['verdict']} {' + '.join(e['id'] for e in answers[name]['effects'])}")
     if out:
-        answers = {name: keep(work / f"{name}.json", dict) for name, *_ in tasks}
         write_text(out, page(answers, f"python -m studies.sizes --work {work} --out {out}"))
 
 
