@@ -436,9 +436,9 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
             reach = DRIFT * size.get(first.unit.removesuffix("/s"), 0.0) / max(longest, MINUTE)
         known = not generic or (stated and stated.parameters == effect.parameters)
         if not known and (limit or (first.transform == "linear" and first.null == 0.0)) and 0.0 < first.high < reach:
-            wide, low = first.resize(reach / first.high, first.unit), first.low
-            first = replace(wide, high=reach, default=reach) if limit else replace(wide, high=reach)
-            first = replace(first, low=low) if low > 0.0 and not limit else first
+            wide = first.resize(reach / first.high, first.unit)
+            low = wide.low if limit or first.low <= 0.0 else first.low
+            first = replace(wide, high=reach, low=low, default=reach if limit else wide.default)
         effects.append(replace(effect, parameters=(first, *others)))
     widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
     return replace(robot, values=values, machine=widened)

@@ -169,7 +169,7 @@ def motor_machine(name: str, joints: tuple[str, ...], frame: float, max_effects:
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
     parts = (servo.part(scales), joint_command.commands(frame, ticks=True), *ideal.parts[2:])
     own = (effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT)
-    found = (*with_long_latency(OF_COMMANDS, frame), *own)
+    found = (ideal.effects[0], *OF_COMMANDS[1:], *own)
     slots = max(4, ceil(frame / TICK))
     return replace(
         ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism, sizes=size_motors
