@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from exodrake.data.case import Case, CaseLog
+from exodrake.data.log import robust_std
 from exodrake.diagnosis.checks.compare import find_columns
 from exodrake.diagnosis.likelihood import moved_a_little
-from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
+from exodrake.diagnosis.noise import noise_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, find_turns, make_problem, subtract
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot

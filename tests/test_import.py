@@ -404,13 +404,27 @@ def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_noth
 
 
 @pytest.mark.parametrize(("frequency", "cutoff"), [(0.3, 10.0), (1.0, 10.0), (0.3, 5.0)])
-def test_a_filtered_acceleration_is_right_at_the_ends_of_a_log_that_begins_and_ends_in_motion(frequency, cutoff):
+def test_a_filtered_acceleration_is_right_up_to_the_ends_of_a_log_that_begins_and_ends_in_motion(frequency, cutoff):
     time, w = 0.005 * np.arange(1237), 2.0 * np.pi * frequency
-    rates = low_pass(time, np.sin(w * time + 0.4), cutoff, "x")
-    for _ in range(2):
-        rates = np.gradient(rates, time, edge_order=2)
-    wrong = np.abs(rates + w**2 * np.sin(w * time + 0.4)) / w**2
-    assert wrong[2:-2].max() < 0.05 and wrong[20:-20].max() < 0.02
+    rates = (Column("position_J", "velocity_J", take="rate"), Column("velocity_J", "twice", take="rate"))
+    first = Column("position_J", "position_start_J", take="first")
+    mapped = Mapped((Column("q", "position_J", unit="rad", filter=cutoff),), time="t", derived=(*rates, first))
+    found = convert_table({"t": time, "q": np.sin(w * time + 0.4)}, mapped, "x")
+    log = found.log
+    np.testing.assert_allclose(log["twice"], -(w**2) * np.sin(w * log.time + 0.4), atol=0.05 * w**2)
+    assert log["position_start_J"][0] == log["position_J"][0]
+    assert log.time[0] == pytest.approx(1.0 / cutoff) and any("both ends left out" in note for note in found.notes)
+
+
+def test_a_filter_tells_how_much_noise_it_leaves_and_asks_for_a_log_beyond_its_ends():
+    time, std = 0.002 * np.arange(20_000), 0.3
+    noisy = np.sin(time) + std * np.random.default_rng(0).standard_normal(len(time))
+    mapped = Mapped((Column("f", "effort_J", unit="N m", filter=20.0),), time="t")
+    found = convert_table({"t": time, "f": noisy}, mapped, "x")
+    left = found.log["effort_J"] - np.sin(found.log.time)
+    assert found.noise is not None and found.noise["effort_J"] == pytest.approx(np.std(left), rel=0.1)
+    with pytest.raises(InputError, match="too short for a filter"):
+        convert_table({"t": time[:45], "f": noisy[:45]}, mapped, "x")
 
 
 @pytest.mark.parametrize(("step", "jitter"), [(0.0013, 0.0), (0.002, 3e-4)])

@@ -7,7 +7,9 @@ from studies.sizes import SORTS, answer, is_right, list_cases
 CASES = {name: (sort, SORTS[sort].sizes[size], fault) for name, sort, size, fault in list_cases()}
 
 
-@pytest.mark.parametrize("name", ["servo_500_Hz_delay", "motor_96_N_m_friction", "arm_voltage_dry_friction_and_offset"])
+@pytest.mark.parametrize(
+    "name", ["servo_500_Hz_delay", "motor_96_N_m_friction", "arm_voltage_dry_friction_and_offset", "arm_voltage_none"]
+)
 def test_planted_faults_are_named(name, tmp_path):
     sort, size, fault = CASES[name]
     found = answer(name, sort, size, fault, tmp_path)

@@ -5,7 +5,7 @@ What is changed beyond names and units is noted beside the log.
 """
 
 import re
-from collections.abc import Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from exodrake.data.log import (
     Log,
     check_clock,
     check_columns,
+    fast_noise,
+    fill_gaps,
     find_first,
     log_from_columns,
     merge_notes,
@@ -30,12 +32,14 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.model.robot import Robot
 from exodrake.model.units import check_unit, find_kind, read_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
 ORDER = 4  # of the Butterworth filter, run forwards and backwards
 LEAST = 0.3  # correlation below which two signals tell no delay: assumed
+NOISE_ORDER = 8  # differences that leave noise of a recording, which is often finer than frames: assumed
 JITTER = 0.05  # of a step by which a clock may vary for a filter: assumed
 FINEST = 200_000  # samples on which two signals are compared
 RATES = {"rad": "rad/s", "m": "m/s", "N": "N/s", "rad/s": "rad/s2", "m/s": "m/s2", "s": "-"}
@@ -161,10 +165,11 @@ def read_mapping(path: str | Path) -> Mapped:
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A log, and what was done to its signals beyond names and units, in sentences."""
+    """A log, what was done to its signals beyond names and units, in sentences, and noise that its filters leave."""
 
     log: Log
     notes: tuple[str, ...]
+    noise: Mapping[str, float] | None = None  # filtered column -> standard deviation [SI]
 
 
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
@@ -273,9 +278,17 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         for name in late:
             values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
     units = {column.name: read_unit(column.unit).si for column in mapped.columns}
+    blind = {column.name: 1.0 / (column.filter or np.inf) for column in mapped.columns}  # s at both ends, by filters
+    for column in mapped.derived:
+        blind[column.name] = max(blind[column.of], blind.get(column.minus, 0.0)) + 1.0 / (column.filter or np.inf)
+    seen, noise = cut_ends(time, max(blind.values()), source), dict[str, float]()
     for column in mapped.columns:
-        if column.filter is not None:
-            values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
+        if column.filter is None:
+            continue
+        raw, where = values[column.name], f"{source}: {column.name}"
+        impulse = (np.arange(len(time)) == len(time) // 2).astype(float)
+        values[column.name], response = (low_pass(time, v, column.filter, where) for v in (raw, impulse))
+        noise[column.name] = fast_noise(fill_gaps(raw), NOISE_ORDER) * float(np.linalg.norm(response))
     for column in mapped.derived:
         found, unit, where = values[column.of], units[column.of], f"{source}: {column.name}"
         if column.minus:
@@ -283,7 +296,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
                 raise InputError(f"{where}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}")
             found = found - values[column.minus]
         if column.take == "first":
-            if (first := find_first(np.isfinite(found))) is None:
+            if (first := find_first(np.isfinite(found) & seen)) is None:
                 raise InputError(f"{where}: {column.of} is empty")
             found = np.full(len(found), found[first])
         if column.filter is not None:
@@ -296,8 +309,8 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if not unit:
             raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit
-    ours = ((f"{name} [{unit}]", values[name]) for name, unit in units.items())
-    log = log_from_columns([("time [s]", time), *ours], source)
+    ours = ((f"{name} [{unit}]", values[name][seen]) for name, unit in units.items())
+    log = log_from_columns([("time [s]", time[seen]), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
     said = dict[str, list[str]]()
@@ -314,7 +327,31 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.filter is not None:
             done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
         said[column.name] = [", ".join(done)] if done else []
-    return Imported(log, (*notes, *merge_notes(said, "")))
+    if not seen.all():
+        notes.append(f"{max(blind.values()):.2g} s at both ends left out, where a filter does not know how it goes on")
+    return Imported(log, (*notes, *merge_notes(said, "")), noise)
+
+
+def cut_ends(time: np.ndarray, width: float, source: str) -> np.ndarray:
+    """Mask (n,) of the samples further from both ends of a log than `width` [s]; InputError where there is none."""
+    if not width:
+        return np.full(len(time), True)
+    inside = (time >= time[0] + width) & (time <= time[-1] - width)
+    if not inside.any():
+        short = f"{time[-1] - time[0]:g} s, too short for a filter that needs {width:.2g} s at both ends"
+        raise InputError(f"{source}: {short}")
+    return inside
+
+
+def filtered_noise(logs: Collection[Imported], robot: Robot) -> dict[str, float]:
+    """Noise parameters of sensors whose filtered readings are noisier than the robot says -> their noise [SI]."""
+    found = dict[str, float]()
+    for parameter in robot.machine.noise:
+        columns = robot.machine.heard_in(parameter)
+        noise = [log.noise[c] for log in logs if log.noise for c in columns if c in log.noise]
+        if noise and (median := float(np.median(noise))) > robot[parameter]:
+            found[parameter] = median
+    return found
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
@@ -409,8 +446,8 @@ def median_step(time: np.ndarray) -> float:
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
     """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN.
 
-    Beyond its ends the log goes on along a cubic through its first and last period of the cut-off. Turned about its
-    end, as by default, a log that begins in motion would have an acceleration there that is wrong by its own size.
+    Beyond an end it knows nothing: of a log that begins in motion, the acceleration of the first period of the cut-off
+    is wrong, by its own size at first.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -425,11 +462,8 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
     if cutoff * (time[-1] - time[0]) < 1.0:
         slowest = 1.0 / (time[-1] - time[0])
         raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted above one period in the log, {slowest:.3g} Hz")
-    filled = np.interp(time, time[known], values[known])
-    sections, width = butter(ORDER, 2.0 * step * cutoff, output="sos"), max(int(1.0 / (cutoff * step)), 8)
-    near, beyond = np.arange(width), np.arange(-2 * width, 0)
-    before, after = (np.polyval(np.polyfit(near, end[:width], 3), beyond) for end in (filled, filled[::-1]))
-    passed = sosfiltfilt(sections, np.concatenate([before, filled, after[::-1]]))[2 * width : -2 * width]
+    filled, near = np.interp(time, time[known], values[known]), min(int(2.0 / (cutoff * step)), len(time) - 1)
+    passed = sosfiltfilt(butter(ORDER, 2.0 * step * cutoff, output="sos"), filled, padlen=near)
     return np.where(known, passed, np.nan)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import comb
 from textwrap import shorten
 from typing import Any
 
@@ -29,6 +30,11 @@ RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computer
 STRETCH = 250  # rows over which a rate is measured; the shortest, so that jitter of a third of a frame is none
 ALIKE = 1e-6  # s, clocks closer than this are the same
 EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
+ORDER = 4  # differences that leave noise of what moves slowly (assumed)
+ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
+LIMIT = 3.0  # standard deviations at which deviations are clipped; efficiency of 0.99 for a normal law
+WITHIN = 0.995  # variance of a normal law that is clipped so, over its variance
+STEPS = 5  # of the iteration, which leave an error of 1e-5 where rounding is half of the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -527,3 +533,27 @@ def fill_gaps(values: np.ndarray) -> np.ndarray:
 def fill_columns(rows: np.ndarray) -> np.ndarray:
     """Signals (n, columns) [their units], each filled."""
     return np.column_stack([fill_gaps(column) for column in rows.T])
+
+
+def robust_std(values: np.ndarray) -> float:
+    """Standard deviation of values (n,), robust to rare ones, which are clipped (proposal 2 of Huber 1964).
+
+    Its iteration begins at the median absolute deviation, which itself is too coarse where values are rounded, and is 0
+    where most are equal.
+    """
+    deviations = np.abs(values - np.median(values))
+    std = ROBUST * float(np.median(deviations))
+    for _ in range(STEPS):
+        std = float(np.sqrt(np.mean(np.minimum(deviations, LIMIT * std) ** 2) / WITHIN))
+    return std
+
+
+def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
+    """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
+
+    Differences of order k raise white noise by the sum of squared binomial coefficients, (2k over k).
+    """
+    if len(values) <= order:
+        return 0.0
+    found = robust_std(np.diff(values, order)) / np.sqrt(comb(2 * order, order))
+    return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found

@@ -13,16 +13,12 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
-from exodrake.data.log import fill_columns, fill_gaps
+from exodrake.data.log import fill_columns, fill_gaps, robust_std
 from exodrake.engine.inputs import Reference
 from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import reference_rows
 from exodrake.simulation.simulate import run, write_log
 
-ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
-LIMIT = 3.0  # standard deviations at which deviations are clipped; efficiency of 0.99 for a normal law
-WITHIN = 0.995  # variance of a normal law that is clipped so, over its variance
-STEPS = 5  # of the iteration, which leave an error of 1e-5 where rounding is half of the noise
 Bands = tuple[tuple[float, float], ...]
 STEEP = 2  # order of the filter, which runs forwards and backwards
 FINE = 4096  # frequencies at which its response is taken
@@ -31,19 +27,6 @@ FINE = 4096  # frequencies at which its response is taken
 def sensor_noise_std(robot: Robot) -> dict[str, float]:
     """Noise standard deviation per kind of signal by the robot's parameters [SI]; none where the machine has none."""
     return robot.machine.noise_std(robot.__getitem__) if robot.machine.noise_std else {}
-
-
-def robust_std(values: np.ndarray) -> float:
-    """Standard deviation of values (n,), robust to rare ones, which are clipped (proposal 2 of Huber 1964).
-
-    Its iteration begins at the median absolute deviation, which itself is too coarse where values are rounded, and is 0
-    where most are equal.
-    """
-    deviations = np.abs(values - np.median(values))
-    std = ROBUST * float(np.median(deviations))
-    for _ in range(STEPS):
-        std = float(np.sqrt(np.mean(np.minimum(deviations, LIMIT * std) ** 2) / WITHIN))
-    return std
 
 
 def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands = ()) -> np.ndarray:

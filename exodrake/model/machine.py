@@ -341,6 +341,13 @@ class Machine:
         """Names in a log of all channels of some column families."""
         return [f"{column.kind}_{channel}" for column in columns for channel in self.channels(column.signal)]
 
+    def heard_in(self, noise: str) -> list[str]:
+        """Names in a log of compared columns that have the noise of a parameter, `part.name` or `part.name.channel`."""
+        part, _, *channel = noise.split(".")
+        written = {name for p in self.parts if p.name == part for output in p.outputs for name in output.writes}
+        names = self.log_names(c for c in self.columns if c.signal in written and c.kind in self.compared)
+        return [name for name in names if not channel or name.endswith(f"_{channel[0]}")]
+
     @property
     def motion(self) -> dict[str, list[int]]:
         """Joint -> places of its recorded position and acceleration in a reference, where they predict efforts."""

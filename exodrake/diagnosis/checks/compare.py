@@ -9,14 +9,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from math import comb
 
 import numpy as np
 
 from exodrake.core.errors import InputError, MissingColumn
 from exodrake.data.case import Case, CaseLog
-from exodrake.data.log import fill_columns
-from exodrake.diagnosis.noise import robust_std
+from exodrake.data.log import fast_noise, fill_columns
 from exodrake.engine.inputs import Reference
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
@@ -34,7 +32,6 @@ ALIKE = 0.9  # correlation from which a channel has the shape of the nominal rob
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
 EXACT = 1e-9  # of a signal's range, or s between two frame periods: less is rounding of the computer
 ABOVE = 1.1  # ratio to the nominal fast noise in every channel of a sensor; healthy robots lie between 0.94 and 1.04
-ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 
 
 def check_case(case: Case, machine: Machine) -> None:
@@ -173,17 +170,6 @@ def list_few(names: Iterable[str], count: int = NAMED) -> str:
     """The first few of some names, each once, and how many more there are."""
     once = list(dict.fromkeys(names))
     return ", ".join(once[:count]) + (f" and {len(once) - count} more" if len(once) > count else "")
-
-
-def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
-    """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
-
-    Differences of order k raise white noise by the sum of squared binomial coefficients, (2k over k).
-    """
-    if len(values) <= order:
-        return 0.0
-    found = robust_std(np.diff(values, order)) / np.sqrt(comb(2 * order, order))
-    return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
 
 def find_step(values: np.ndarray) -> float:

@@ -16,10 +16,10 @@ import numpy as np
 from exodrake.core.progress import no_progress
 from exodrake.data.case import Case, read_case
 from exodrake.data.formats import read_table
-from exodrake.data.log import Log
+from exodrake.data.log import Log, fast_noise
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import compare, fast_noise, list_few
+from exodrake.diagnosis.checks.compare import compare, list_few
 from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, held_shares, suspicions
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import duration, output_error

@@ -15,8 +15,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
-from exodrake.diagnosis.noise import robust_std
+from exodrake.data.log import ORDER, fast_noise, robust_std
+from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, Channel, Comparison, find_step, list_few
 from exodrake.engine.inputs import Reference
 from exodrake.model.display import in_words
 from exodrake.simulation.simulate import run, write_log
@@ -327,15 +327,11 @@ def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[Channel], 
     alone is its motion. A diagnosis counts the larger of noise and repeatability. What rounding hides is not judged.
     """
     machine = comparison.robot.machine
-    written = {part.name: {name for output in part.outputs for name in output.writes} for part in machine.parts}
     for parameter in machine.noise:
-        part, _, *channel = parameter.split(".")
-        readings = [c for c in machine.columns if c.signal in written.get(part, ()) and c.kind in machine.compared]
-        names = [n for n in machine.log_names(readings) if not channel or n.endswith(f"_{channel[0]}")]
-        heard = [comparison.audible(name) for name in names if name in comparison.columns]
+        heard = [comparison.audible(name) for name in machine.heard_in(parameter) if name in comparison.columns]
         if not heard or not all(heard):
             continue
-        repeats = f"{part}.repeatability"
+        repeats = f"{parameter.split('.')[0]}.repeatability"
         repeats = float(comparison.robot[repeats]) if repeats in machine.index else 0.0
         simulated = [[c.noise / c.least_noise for c in channels] for channels in heard]
         counted = [[c.noise / max(c.least_noise, repeats) for c in channels] for channels in heard]
