@@ -19,6 +19,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors, cli
+from exodrake.core import schema
 from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
@@ -32,7 +33,7 @@ class Size(NamedTuple):
     reach: float  # rad
     pace: float  # rad/s of its motion, per rad
     time: float  # s
-    noise: float  # of an angle [rad], or of efforts in shares of a usual one
+    noise: float  # rad, of a measured angle
     joint: dict[str, float]  # numbers of its motor or load
 
 
@@ -43,7 +44,10 @@ class Sort(NamedTuple):
     sizes: dict[str, Size]
     # fault -> its amount in a size, and the kinds of effects, or ids, that name it: one set for each cause
     faults: dict[str, tuple[Callable[[Size], float], tuple[set[str], ...]]]
-    record: Callable[[np.ndarray, Size, str, float], np.ndarray]  # what is measured (rows,) of a motion, with a fault
+    record: Callable[[np.ndarray, Size, str, float], np.ndarray]  # what is measured of a motion, with a fault
+    columns: dict[str, str]  # kind -> unit, of the motion and of what is measured
+    derived: dict[str, dict[str, str]]  # further columns, as a mapping file has them
+    stated: Callable[[Size], dict[str, float]] = lambda size: {}  # of the robot file
 
 
 def move(kind: str, size: Size, random: np.random.Generator) -> np.ndarray:
@@ -154,6 +158,40 @@ def pendulum(motion: np.ndarray, size: Size, fault: str, amount: float) -> np.nd
     return laws[fault]()
 
 
+CONTROL = 10  # ticks of a quarter after the row at which a controller computes, those after READ; as the model states
+
+
+def driven(motion: np.ndarray, size: Size, fault: str, amount: float) -> np.ndarray:
+    """Angle and effort (rows, 2) of a pendulum under a PD controller: J q'' = tau - d q' - m sin q.
+
+    Critically damped, with a derivative over a row. Dry friction stops the joint or takes so much off its speed.
+    """
+    joint, tick = size.joint, 0.5 * TICK
+    faults = "inertia", "gain", "loop gain", "friction", "damping", "torque", "offset"
+    p = dict.fromkeys(faults, 0.0) | {fault: amount}
+    inertia, stiffness, viscosity = joint["inertia"] * (1.0 + p["inertia"]), *gains(size)
+    angle, speed, effort, seen, before, read = float(motion[0]), 0.0, 0.0, 0.0, None, []
+    for aim in late(motion, amount) if fault == "delay" else motion:
+        for k in range(round(size.frame / tick)):
+            seen = angle + p["offset"] if k == READ else seen
+            if k == CONTROL:
+                error = float(aim) - seen
+                rate = 0.0 if before is None else (error - before) / size.frame
+                effort, before = (1.0 + p["loop gain"]) * stiffness * error + viscosity * rate, error
+                read.append((seen, (1.0 + p["gain"]) * effort))
+            torque = (1.0 + p["torque"]) * effort - p["damping"] * speed - joint["moment"] * np.sin(angle)
+            speed += tick * torque / inertia
+            speed = float(np.sign(speed)) * max(abs(speed) - tick * p["friction"] / inertia, 0.0)
+            angle += tick * speed
+    return np.array(read)
+
+
+def gains(size: Size) -> tuple[float, float]:
+    """Gains of a critically damped PD controller [N m/rad, N m s/rad]."""
+    inertia, rate = size.joint["inertia"], size.joint["rate"]
+    return inertia * rate**2, 2.0 * inertia * rate
+
+
 def stall(size: Size) -> float:
     """Stall torque of a motor [N m]."""
     return size.joint["kt"] * size.joint["supply"] / size.joint["R"]
@@ -163,6 +201,11 @@ USUAL = {"kt": 1.3, "R": 2.75, "supply": 7.4, "kp": 5.3, "inertia": 0.03, "armat
 LARGE = {"kt": 8.0, "R": 2.0, "supply": 24.0, "kp": 4.0, "inertia": 2.0, "armature": 1.0, "moment": 8.0}
 SMALL = {"kt": 0.25, "R": 4.0, "supply": 6.0, "kp": 6.0, "inertia": 5e-4, "armature": 3e-4, "moment": 0.02}
 VOLTAGE = {"servo.supply", "servo.loop_gain"}
+SERVO, START = {"angle_ref": "rad", "angle": "rad"}, {"angle_start_axis": {"of": "angle_axis", "take": "first"}}
+RATES = {
+    "velocity_axis": {"of": "position_axis", "take": "rate"},
+    "acceleration_axis": {"of": "velocity_axis", "take": "rate"},
+}
 SORTS = {
     "servo": Sort(("--joints", "axis"), {
         "1 kHz": Size(0.001, 0.4, 6.0, 6.0, 2e-4, {}), "500 Hz": Size(0.002, 0.6, 4.0, 10.0, 1e-3, {}),
@@ -179,7 +222,7 @@ SORTS = {
         "lag and gain": (lambda size: -0.1, ({"lag"}, {"gain"})),
         "delay and play": (lambda size: 0.05 * size.reach, ({"delay"}, {"backlash"})),
         "delay and speed limit": (lambda size: 0.6 * size.reach * size.pace, ({"delay"}, {"speed limit"})),
-    }, servo),
+    }, servo, SERVO, START),
     "motor": Sort(("--joints", "axis", "--servo", "motor"), {
         "3.5 N m": Size(0.02, 1.0, 1.5, 15.0, 1e-3, USUAL), "96 N m": Size(0.01, 0.8, 0.8, 15.0, 5e-4, LARGE),
         "0.4 N m": Size(0.005, 0.8, 3.0, 8.0, 1e-3, SMALL),
@@ -192,13 +235,13 @@ SORTS = {
         "damping": (lambda size: 0.3 * size.joint["kt"] ** 2 / size.joint["R"], ({"viscous friction"},)),
         "delay": (lambda size: 0.04, ({"delay"},)), "dead band": (lambda size: 0.02, ({"servo.dead_band"},)),
         "offset": (lambda size: 0.08, ({"offset"},)),
-    }, motor),
+    }, motor, SERVO, START, lambda size: {f"servo.{key}": value for key, value in size.joint.items()}),
     "arm": Sort(("--urdf", "arm.urdf"), {
-        "0.01 N m": Size(0.005, 1.0, 3.0, 10.0, 0.01, {"inertia": 1e-4, "moment": 1e-2}),
-        "400 N m": Size(0.01, 0.8, 1.0, 20.0, 0.01, {"inertia": 50.0, "moment": 400.0}),
-        "1 kHz": Size(0.001, 0.8, 3.0, 6.0, 0.01, {"inertia": 0.5, "moment": 8.0}),
-        "voltage": Size(0.02, 6.0, 2.0, 20.0, 0.01, {"inertia": 0.02, "moment": 1e-6}),
-        "500 Hz": Size(0.002, 0.8, 3.0, 8.0, 0.01, {"inertia": 0.05, "moment": 0.5}),
+        "0.01 N m": Size(0.005, 1.0, 3.0, 10.0, 0.0, {"inertia": 1e-4, "moment": 1e-2}),
+        "400 N m": Size(0.01, 0.8, 1.0, 20.0, 0.0, {"inertia": 50.0, "moment": 400.0}),
+        "1 kHz": Size(0.001, 0.8, 3.0, 6.0, 0.0, {"inertia": 0.5, "moment": 8.0}),
+        "voltage": Size(0.02, 6.0, 2.0, 20.0, 0.0, {"inertia": 0.02, "moment": 1e-6}),
+        "500 Hz": Size(0.002, 0.8, 3.0, 8.0, 0.0, {"inertia": 0.05, "moment": 0.5}),
     }, {
         "none": (lambda size: 0.0, ()), "dry friction": (lambda size: 0.3, ({"dry friction"},)),
         "viscous friction": (lambda size: 0.3, ({"viscous friction"},)),
@@ -207,18 +250,23 @@ SORTS = {
         "delay": (lambda size: min(max(2.0 * size.frame, 0.008), 0.02), ({"delay"},)),
         "dry and viscous friction": (lambda size: 0.25, ({"dry friction"}, {"viscous friction"})),
         "dry friction and offset": (lambda size: 0.3, ({"dry friction"}, {"offset"})),
-    }, pendulum),
+    }, pendulum, {"position": "rad", "effort": "N m"}, RATES),
+    "loop": Sort(("--urdf", "arm.urdf", "--form", "closed-loop"), {
+        "500 Hz": Size(0.002, 0.8, 3.0, 8.0, 2e-5, {"inertia": 0.05, "moment": 0.5, "rate": 20.0}),
+        "100 Hz": Size(0.01, 0.8, 1.0, 20.0, 2e-5, {"inertia": 0.05, "moment": 0.5, "rate": 8.0}),
+        "200 N m": Size(0.005, 0.8, 1.0, 15.0, 2e-5, {"inertia": 20.0, "moment": 150.0, "rate": 15.0}),
+        "wrist": Size(0.005, 0.6, 3.0, 8.0, 2e-5, {"inertia": 1e-3, "moment": 1e-2, "rate": 25.0}),
+    }, {
+        "none": (lambda size: 0.0, ()), "friction": (lambda size: 0.3 * usual(size)[1], ({"dry friction"},)),
+        "damping": (lambda size: 0.3 * usual(size)[1] / usual(size)[0], ({"viscous friction"},)),
+        "inertia": (lambda size: 0.6, ({"inertia"},)), "gain": (lambda size: 0.2, ({"torque.gain"},)),
+        "loop gain": (lambda size: -0.3, ({"arm_drive.position_gain"},)),
+        "torque": (lambda size: -0.2, ({"gear_motor.torque_gain"},)),
+        "delay": (lambda size: 4.0, ({"delay"},)), "offset": (lambda size: 0.06, ({"arm.encoder_offset"},)),
+    }, driven, {"position_ref": "rad", "position": "rad", "effort": "N m"}, {
+        "position_start_axis": {"of": "position_axis", "take": "first"},
+    }, lambda size: dict(zip(("drive.stiffness", "drive.viscosity", "drive.feedforward"), (*gains(size), 0.0)))),
 }  # fmt: skip
-MAPPING = """time: {{column: t, unit: s, start: 0}}
-columns:
-  sent: {{name: {sent}_axis, unit: rad{filter}}}
-  shown: {{name: {shown}_axis, unit: {unit}{filter}}}
-derived:
-{derived}
-period: {frame}
-"""
-STARTS = "  angle_start_axis: {of: angle_axis, take: first}"
-RATES = "  velocity_axis: {of: position_axis, take: rate}\n  acceleration_axis: {of: velocity_axis, take: rate}"
 URDF = """<robot name="pendulum"><link name="base"/><link name="arm"><inertial>
 <origin xyz="0 0 {0}"/><mass value="{1}"/><inertia ixx="{2}" ixy="0" ixz="0" iyy="{2}" iyz="0" izz="{2}"/>
 </inertial></link>
@@ -241,40 +289,38 @@ def answer(name: str, sort: str, size: Size, fault: str, work: Path) -> dict[str
             raise RuntimeError(f"{name}: {words[0]}: {result.output}")
         return result.stdout
 
-    kind, folder, slug = SORTS[sort], work / name, re.sub(r"\W", "_", f"m_{name}").lower()
+    machine, folder, slug = SORTS[sort], work / name, re.sub(r"\W", "_", f"m_{name}").lower()
     folder.mkdir(parents=True)
-    options = [str(folder / word) if word == "arm.urdf" else word for word in kind.options]
-    names = {"sent": "angle_ref", "shown": "angle", "unit": "rad", "filter": "", "derived": STARTS}
-    if sort == "arm":
+    options = [str(folder / word) if word == "arm.urdf" else word for word in machine.options]
+    columns: dict[str, Any] = {kind: {"name": f"{kind}_axis", "unit": unit} for kind, unit in machine.columns.items()}
+    if size.joint and "kt" not in size.joint:  # an arm
         inertia, moment = size.joint["inertia"], size.joint["moment"]
         lever = min(0.5 * inertia / max(moment / 9.81, 1e-12), 0.3)  # half of the inertia or more is about the centre
         mass = moment / 9.81 / lever
         write_text(folder / "arm.urdf", URDF.format(-lever, mass, inertia - mass * lever**2, 100.0 * usual(size)[1]))
-        cut = min(0.2 / size.frame, max(3.0, 3.0 * size.pace))
-        names = {
-            "sent": "position",
-            "shown": "effort",
-            "unit": '"N m"',
-            "filter": f", filter: {cut:.3g}",
-            "derived": RATES,
-        }
     run("new-machine", folder / slug, *options, "--frame", size.frame)
-    write_text(folder / slug / "mapping.yaml", MAPPING.format(frame=size.frame, **names))
-    stated = (folder / slug / "robot.yaml").read_text()
-    for key, value in size.joint.items() if sort == "motor" else ():
-        stated, count = re.subn(rf"(?m)^(    {key}: {{value: )[^,]*,", rf"\g<1>{value:g},", stated)
-        assert count == 1, key
-    write_text(folder / slug / "robot.yaml", stated)
+    robot = schema.read_yaml(folder / slug / "robot.yaml")
+    for name, value in machine.stated(size).items():
+        part, key = name.split(".")
+        robot["parameters"][part].setdefault(key, {"source": "set"})["value"] = value
+    write_text(folder / slug / "robot.yaml", schema.dump_yaml(robot))
+    if sort == "arm":
+        cut = min(0.2 / size.frame, max(3.0, 3.0 * size.pace))
+        columns = {kind: column | {"filter": cut} for kind, column in columns.items()}
+    clock = {"column": "time", "unit": "s", "start": 0}
+    mapping = {"time": clock, "columns": columns, "derived": machine.derived, "period": size.frame}
+    write_text(folder / slug / "mapping.yaml", schema.dump_yaml(mapping))
     random, files = np.random.default_rng(crc32(name.encode())), []
     for number, motion in enumerate(("sines", "moves", "sines")):
         sent = move(motion, size, random)
-        sent, scale = (smooth(sent, size), usual(size)[1]) if sort == "arm" else (sent, 1.0)
-        shown = kind.record(sent, size, fault, kind.faults[fault][0](size))
-        shown = shown + size.noise * scale * random.standard_normal(len(sent))
+        sent = smooth(sent, size) if "effort" in columns else sent
+        shown = machine.record(sent, size, fault, machine.faults[fault][0](size)).reshape(len(sent), -1)
+        noise = [0.01 * usual(size)[1] if kind == "effort" else size.noise for kind in list(columns)[1:]]
+        shown = shown + noise * random.standard_normal(shown.shape)
         ends = slice(len(sent) // 20, len(sent) - len(sent) // 20) if sort == "arm" else slice(None)
         files.append(folder / f"{motion}{number}.csv")
         rows = np.column_stack([size.frame * np.arange(len(sent)), sent, shown])[ends]
-        np.savetxt(files[-1], rows, delimiter=",", header="t,sent,shown", comments="", fmt="%.9g")
+        np.savetxt(files[-1], rows, delimiter=",", header=",".join(("time", *columns)), comments="", fmt="%.9g")
     run("import", *files, "--machine", folder / slug, "--out", folder / "case")
     return json.loads(run("diagnose", folder / "case", "--machine", folder / slug, "--json"))
 

@@ -8,15 +8,23 @@ CASES = {name: (sort, SORTS[sort].sizes[size], fault) for name, sort, size, faul
 
 
 @pytest.mark.parametrize(
-    "name", ["servo_500_Hz_delay", "motor_96_N_m_friction", "arm_voltage_dry_friction_and_offset", "arm_voltage_none"]
+    "name",
+    [
+        "servo_500_Hz_delay",
+        "motor_96_N_m_friction",
+        "arm_voltage_dry_friction_and_offset",
+        "arm_voltage_none",
+        "loop_100_Hz_offset",
+    ],
 )
 def test_planted_faults_are_named(name, tmp_path):
     sort, size, fault = CASES[name]
     found = answer(name, sort, size, fault, tmp_path)
     assert is_right(found, SORTS[sort].faults[fault][1]), found["effects"]
-    if fault == "delay":  # 50 ms are 25 rows
-        (frames,) = found["effects"][0]["parameters"].values()
-        assert frames["low"] < 25.0 < frames["high"] < 30.0
+    planted, most = {"servo_500_Hz_delay": (25.0, 30.0), "loop_100_Hz_offset": (-0.06, -0.04)}.get(name, (0.0, 0.0))
+    if planted:  # 50 ms are 25 rows
+        (value,) = found["effects"][0]["parameters"].values()
+        assert value["low"] < planted < value["high"] < most
 
 
 def test_an_answer_with_another_cause_beside_is_not_right():

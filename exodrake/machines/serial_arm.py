@@ -69,7 +69,7 @@ COLUMNS = (
     Column("motor_position", "motor_position_read"),
     Column("motor_effort", "motor_effort_read", unit="N m"),
 )
-OF_CABLES = ("arm.joint_compliance", "arm.rotor_inertia")  # which the cables and motors are themselves
+OF_CABLES = ("arm.joint_compliance", "arm.rotor_inertia", "arm.encoder_offset")  # of cables, motors and encoders
 
 # of URDF files
 MAX_BYTES = 4_000_000  # a hundred times a long one
@@ -141,7 +141,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     found = columns(chain, shown)
     position, effort = found[-2].kind, found[-1].kind
     return make_machine(
-        name, chain, frame, parts, {position: "encoder", effort: "torque"}, CROSSTALK,
+        name, chain, frame, parts, {position: "encoder", effort: "torque"}, (*CROSSTALK, "encoder.offset"),
         (*given, *noise("position", "effort")), (*inner, Signal("link_position", unit["position"], JOINTS)), found,
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
         loop=joint_control(chain, {"arm.coulomb_friction": {}}), settling=SETTLING,

@@ -205,7 +205,7 @@ def downwards(gravity, roll, pitch):
 link_mass = Point("weighed", JOINTS, "mass", "mass of link j [kg]")
 tip_mass = Point("carried", SCALAR, "mass", "mass at the tip [kg]")
 rotor_inertia = Point("geared", JOINTS, "inertia", "inertia of the rotor of joint j as the joint feels it [kg m2]")
-joint_position = Point("seen", JOINTS, "position", "position of joint j [rad], from the measured one: inverse dynamics")
+joint_position = Point("seen", JOINTS, "position", "position of joint j [rad], from the measured one")
 joint_compliance = Point("sprung", JOINTS, "compliance", "compliance of joint j [rad/(N m)]: forward dynamics")
 effort_delay = Point("late", JOINTS, "delay", "how late the effort of joint j is logged [s]; < 0: its motion is: "
                      "inverse dynamics")  # fmt: skip
@@ -275,14 +275,15 @@ def update(x, z, n, e, dt, effort_true):
 
     Euler's rule for the speeds, then for the positions with the new speeds. Dry friction sits at the drive: it takes
     speed away after the push, at most all of it, on all rigid joints at once (projected Gauss-Seidel). Positions are
-    measured at the drives. Beyond its limits a link meets a spring and a damper, which push it back and never pull.
+    measured at the drives and counted from the zeros of their encoders. Beyond its limits a link meets a spring and a
+    damper, which push it back and never pull.
     """
     count = effort_true.shape[0]
     if x[(WIDTH + count + STATES) * count] > 0.0:
         matrix = WIDTH * count
         gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
         for j in range(count):
-            link(x, z, n, e, j, count, x[find_place(count, ANGLE, j)])
+            link(x, z, n, e, j, count, joint_position(e, z, j, x[find_place(count, ANGLE, j)]))
             move(x, j, x[find_place(count, SPEED, j)], 0.0, gravity)
         gather(x, count, WRENCH, WIDTH - WRENCH)
         mass_matrix(x, count, matrix)
@@ -366,7 +367,7 @@ def stand(x, z, n, e, position_start):
         for _ in range(SWEEPS):
             change = 0.0
             for j in range(count):
-                link(x, z, n, e, j, count, x[find_place(count, ANGLE, j)])
+                link(x, z, n, e, j, count, joint_position(e, z, j, x[find_place(count, ANGLE, j)]))
                 move(x, j, 0.0, 0.0, gravity)
             gather(x, count, WRENCH, WIDTH - WRENCH)
             for j in range(count):
@@ -419,7 +420,7 @@ def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], un
         ),
         tasks=(Task("update", ("effort_true",)), Task("stand", ("position_start",), slots=(slot,))),
         outputs=(Output.of_states(rotor="position", angle="link_position"),), scales=scales,
-        points=(link_mass, tip_mass, rotor_inertia, joint_compliance, push_joint, brake_joint, settle),
+        points=(link_mass, tip_mass, rotor_inertia, joint_position, joint_compliance, push_joint, brake_joint, settle),
     )  # fmt: skip
 
 
