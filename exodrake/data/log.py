@@ -536,7 +536,7 @@ def fill_columns(rows: np.ndarray) -> np.ndarray:
 
 
 def robust_std(values: np.ndarray) -> float:
-    """Standard deviation of values (n,), robust to rare ones, which are clipped (proposal 2 of Huber 1964).
+    """Standard deviation [their unit] of values (n,), rare ones clipped (proposal 2 of Huber 1964).
 
     Its iteration begins at the median absolute deviation, which itself is too coarse where values are rounded, and is 0
     where most are equal.
@@ -549,7 +549,7 @@ def robust_std(values: np.ndarray) -> float:
 
 
 def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
-    """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
+    """Standard deviation [its unit] of white noise in a slow signal (n,), by differences of an order; 0 if rounding.
 
     Differences of order k raise white noise by the sum of squared binomial coefficients, (2k over k).
     """

@@ -418,9 +418,9 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
     Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
     largest effort, play no larger than the travel. A reading drifts by no more than `DRIFT` of it in the longest log,
-    or in a minute. So ranges are only widened. A limit of speed is first sought at the largest measured one: one beyond
-    shows nothing, one far below would have kept it smaller. Before that all ranges are those of a robot of this size
-    (`Machine.sizes`).
+    or in a minute. So ranges are only widened, but for limits of what moves less than they begin at. A limit of speed
+    is first sought at the largest measured one: one beyond shows nothing, one far below would have kept it smaller.
+    Before that all ranges are those of a robot of this size (`Machine.sizes`).
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     longest = machine.frame * max((len(item.log) for item in case.fit_logs), default=0)
@@ -431,11 +431,14 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     for effect in machine.effects:
         generic, stated = {id(function) for function in effect.at.values()} <= laws, LIBRARY.get(effect.id)
         first, *others = (p.resize(larger[p.unit], p.unit) if p.unit in larger else p for p in effect.parameters)
-        reach, limit = size.get(first.unit, 0.0), first.transform == "reciprocal" and first.unit.endswith("/s")
+        limit, rate = first.transform == "reciprocal", first.unit.endswith("/s")
+        part = 0.5 if limit and not rate else 1.0  # a limit either way is half of a travel
+        reach = part * size.get(first.unit, 0.0)
         if effect.family == "drift":
             reach = DRIFT * size.get(first.unit.removesuffix("/s"), 0.0) / max(longest, MINUTE)
         known = not generic or (stated and stated.parameters == effect.parameters)
-        if not known and (limit or (first.transform == "linear" and first.null == 0.0)) and 0.0 < first.high < reach:
+        widens = (limit and rate) or (first.transform == "linear" and first.null == 0.0)
+        if not known and ((widens and 0.0 < first.high < reach) or (limit and 0.0 < reach < first.low)):
             wide = first.resize(reach / first.high, first.unit)
             low = wide.low if limit or first.low <= 0.0 else first.low
             first = replace(wide, high=reach, low=low, default=reach if limit else wide.default)
