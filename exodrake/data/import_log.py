@@ -40,6 +40,7 @@ ALIKE = 0.1  # relative difference of a frame and a recording's step up to which
 ORDER = 4  # of the Butterworth filter, run forwards and backwards
 LEAST = 0.3  # correlation below which two signals tell no delay: assumed
 NOISE_ORDER = 8  # differences that leave noise of a recording, which is often finer than frames: assumed
+BLIND = 0.5  # periods of the cut-off at an end, where accelerations are wrong by up to three times their RMS: assumed
 JITTER = 0.05  # of a step by which a clock may vary for a filter: assumed
 FINEST = 200_000  # samples on which two signals are compared
 RATES = {"rad": "rad/s", "m": "m/s", "N": "N/s", "rad/s": "rad/s2", "m/s": "m/s2", "s": "-"}
@@ -278,9 +279,9 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         for name in late:
             values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
     units = {column.name: read_unit(column.unit).si for column in mapped.columns}
-    blind = {column.name: 1.0 / (column.filter or np.inf) for column in mapped.columns}  # s at both ends, by filters
+    blind = {column.name: BLIND / (column.filter or np.inf) for column in mapped.columns}  # s at both ends
     for column in mapped.derived:
-        blind[column.name] = max(blind[column.of], blind.get(column.minus, 0.0)) + 1.0 / (column.filter or np.inf)
+        blind[column.name] = max(blind[column.of], blind.get(column.minus, 0.0)) + BLIND / (column.filter or np.inf)
     seen, noise = cut_ends(time, max(blind.values()), source), dict[str, float]()
     for column in mapped.columns:
         if column.filter is None:
@@ -446,8 +447,8 @@ def median_step(time: np.ndarray) -> float:
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
     """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN.
 
-    Beyond an end it knows nothing: of a log that begins in motion, the acceleration of the first period of the cut-off
-    is wrong, by its own size at first.
+    Beyond its ends the log goes on along a cubic through its first and last period of the cut-off. Turned about its
+    end, as by default, a log that begins in motion would have an acceleration there that is wrong by its own size.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -462,8 +463,11 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
     if cutoff * (time[-1] - time[0]) < 1.0:
         slowest = 1.0 / (time[-1] - time[0])
         raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted above one period in the log, {slowest:.3g} Hz")
-    filled, near = np.interp(time, time[known], values[known]), min(int(2.0 / (cutoff * step)), len(time) - 1)
-    passed = sosfiltfilt(butter(ORDER, 2.0 * step * cutoff, output="sos"), filled, padlen=near)
+    filled = np.interp(time, time[known], values[known])
+    sections, width = butter(ORDER, 2.0 * step * cutoff, output="sos"), max(int(1.0 / (cutoff * step)), 8)
+    near, beyond = np.arange(width), np.arange(-2 * width, 0)
+    before, after = (np.polyval(np.polyfit(near, end[:width], 3), beyond) for end in (filled, filled[::-1]))
+    passed = sosfiltfilt(sections, np.concatenate([before, filled, after[::-1]]))[2 * width : -2 * width]
     return np.where(known, passed, np.nan)
 
 
