@@ -201,6 +201,7 @@ USUAL = {"kt": 1.3, "R": 2.75, "supply": 7.4, "kp": 5.3, "inertia": 0.03, "armat
 LARGE = {"kt": 8.0, "R": 2.0, "supply": 24.0, "kp": 4.0, "inertia": 2.0, "armature": 1.0, "moment": 8.0}
 SMALL = {"kt": 0.25, "R": 4.0, "supply": 6.0, "kp": 6.0, "inertia": 5e-4, "armature": 3e-4, "moment": 0.02}
 VOLTAGE = {"servo.supply", "servo.loop_gain"}
+COUNTS = 4e-4  # rad, of an encoder of 12 bits
 SERVO, START = {"angle_ref": "rad", "angle": "rad"}, {"angle_start_axis": {"of": "angle_axis", "take": "first"}}
 RATES = {
     "velocity_axis": {"of": "position_axis", "take": "rate"},
@@ -237,11 +238,11 @@ SORTS = {
         "offset": (lambda size: 0.08, ({"offset"},)),
     }, motor, SERVO, START, lambda size: {f"servo.{key}": value for key, value in size.joint.items()}),
     "arm": Sort(("--urdf", "arm.urdf"), {
-        "0.01 N m": Size(0.005, 1.0, 3.0, 10.0, 0.0, {"inertia": 1e-4, "moment": 1e-2}),
-        "400 N m": Size(0.01, 0.8, 1.0, 20.0, 0.0, {"inertia": 50.0, "moment": 400.0}),
-        "1 kHz": Size(0.001, 0.8, 3.0, 6.0, 0.0, {"inertia": 0.5, "moment": 8.0}),
-        "voltage": Size(0.02, 6.0, 2.0, 20.0, 0.0, {"inertia": 0.02, "moment": 1e-6}),
-        "500 Hz": Size(0.002, 0.8, 3.0, 8.0, 0.0, {"inertia": 0.05, "moment": 0.5}),
+        "0.01 N m": Size(0.005, 1.0, 3.0, 10.0, COUNTS, {"inertia": 1e-4, "moment": 1e-2}),
+        "400 N m": Size(0.01, 0.8, 1.0, 20.0, COUNTS, {"inertia": 50.0, "moment": 400.0}),
+        "1 kHz": Size(0.001, 0.8, 3.0, 6.0, COUNTS, {"inertia": 0.5, "moment": 8.0}),
+        "voltage": Size(0.02, 6.0, 2.0, 20.0, COUNTS, {"inertia": 0.02, "moment": 1e-6}),
+        "500 Hz": Size(0.002, 0.8, 3.0, 8.0, COUNTS, {"inertia": 0.05, "moment": 0.5}),
     }, {
         "none": (lambda size: 0.0, ()), "dry friction": (lambda size: 0.3, ({"dry friction"},)),
         "viscous friction": (lambda size: 0.3, ({"viscous friction"},)),
@@ -317,6 +318,7 @@ def answer(name: str, sort: str, size: Size, fault: str, work: Path) -> dict[str
         shown = machine.record(sent, size, fault, machine.faults[fault][0](size)).reshape(len(sent), -1)
         noise = [0.01 * usual(size)[1] if kind == "effort" else size.noise for kind in list(columns)[1:]]
         shown = shown + noise * random.standard_normal(shown.shape)
+        sent = sent + size.noise * random.standard_normal(len(sent)) if sort == "arm" else sent
         ends = slice(len(sent) // 20, len(sent) - len(sent) // 20) if sort == "arm" else slice(None)
         files.append(folder / f"{motion}{number}.csv")
         rows = np.column_stack([size.frame * np.arange(len(sent)), sent, shown])[ends]

@@ -123,7 +123,7 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path, monkeypatch):
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0, result.output
     assert "servo.latency" in result.stdout and "would help most" in result.stdout
-    assert "left out, since a diagnosis needs 100 (2 s) frames: short.csv" in " ".join(result.stdout.split())
+    assert "left out, since a diagnosis needs 50 (1 s) frames: short.csv" in " ".join(result.stdout.split())
     said = "angle_Jaw of m.csv again and again stay at one value at an end of their range"
     assert said in result.stdout and "no log is held out" in result.stdout
     assert not re.search(r"\d -\s", result.stdout), "a ratio has no unit"

@@ -9,6 +9,7 @@ import csv
 import io
 import math
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -184,7 +185,7 @@ def import_recordings(context, recordings, map_file, unit, episodes, out) -> obj
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
     from exodrake.data import case as cases, formats
-    from exodrake.data.import_log import Imported, filtered_noise, frame_period, import_all, read_mapping
+    from exodrake.data.import_log import Imported, frame_period, import_all, read_mapping
 
     if out is None:
         return {recording: list_contents(recording) for recording in recordings}
@@ -217,10 +218,8 @@ def import_recordings(context, recordings, map_file, unit, episodes, out) -> obj
         if machine is not None and not math.isclose(period, frame, rel_tol=1e-6):
             click.echo(f"note: a row every {period:g} s, a frame of {machine} has {frame:g} s: state period: {frame:g}")
         notes = {item.file: logs[item.protocol].notes for item in items}
-        noise = {} if machine is None else filtered_noise(logs.values(), exo.load_robot(machine))
-        for parameter, std in noise.items():
-            click.echo(f"note: {parameter}: {std:.3g} by noise that the filter leaves, more than the robot file says")
-        exo.write_case(exo.Case(out.resolve().name, noise, items, period), out, notes)
+        noise = {c: median(item.noise[c] for item in logs.values()) for c in first.noise}
+        exo.write_case(exo.Case(out.resolve().name, {}, items, period, noise=noise), out, notes)
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""
     click.echo(f"{out}: {several}{size}: {', '.join(first.log.columns)}")

@@ -66,6 +66,7 @@ class Case:
         notes: what was assumed or mended while reading, a sentence each.
         hashes: file -> SHA-256 of each file that the case was read from.
         serial: serial number of the robot, or "".
+        noise: column -> standard deviation of its noise [SI], where a filter hides it.
 
     Raises:
         InputError: for an unknown role, a doubled file, repeats of a log that is not there, and nothing to fit.
@@ -85,6 +86,7 @@ class Case:
     notes: tuple[str, ...] = field(default=())
     hashes: dict[str, str] = field(default_factory=dict)
     serial: str = ""
+    noise: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         files = [item.file for item in self.logs]
@@ -153,6 +155,7 @@ SCHEMA = schema.mapping(
         "name": schema.anything, "serial": schema.anything, "date": DATE,
         "robot": schema.optional(schema.names(schema.anything)),
         "period": schema.optional(schema.number(above=0.0, high=LONGEST_FRAME, unit="s")),
+        "noise": schema.optional(schema.names(schema.number(low=0.0))),
         "logs": schema.listing(LOG, least=1, wanted="a list of logs"),
     },
     required=("logs",),
@@ -249,9 +252,9 @@ def read_case(
         raise InputError(f"{name}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
     notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
     try:
-        robot, serial = content.get("robot") or {}, content.get("serial", "")
+        robot, serial, noise = content.get("robot") or {}, content.get("serial", ""), content.get("noise") or {}
         frame = float(period or (logs[0].log.dt if logs else PERIOD))
-        return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial)
+        return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial, noise)
     except InputError as problem:
         raise InputError(f"{place / FILE}: {problem}") from None
 
@@ -309,7 +312,10 @@ def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]
         log |= {"date": None if item.date is None else written_date(item.date)}
         logs.append({key: value for key, value in log.items() if value is not None})
     head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
-    text = schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
+    head |= {"robot": plain(case.robot), "period": float(case.period)} | (
+        {"noise": plain(case.noise)} if case.noise else {}
+    )
+    text = schema.dump_yaml(head | {"logs": logs})
     contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
     write_folder(folder, contents | {FILE: text.encode()})
 

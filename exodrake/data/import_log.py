@@ -5,8 +5,8 @@ What is changed beyond names and units is noted beside the log.
 """
 
 import re
-from collections.abc import Collection, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,6 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
-from exodrake.model.robot import Robot
 from exodrake.model.units import check_unit, find_kind, read_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
@@ -166,11 +165,11 @@ def read_mapping(path: str | Path) -> Mapped:
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A log, what was done to its signals beyond names and units, in sentences, and noise that its filters leave."""
+    """A log, what was done to its signals beyond names and units, in sentences, and noise that filters leave."""
 
     log: Log
     notes: tuple[str, ...]
-    noise: Mapping[str, float] | None = None  # filtered column -> standard deviation [SI]
+    noise: Mapping[str, float] = field(default_factory=dict)  # filtered column -> standard deviation [SI]
 
 
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
@@ -282,16 +281,18 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     blind = {column.name: BLIND / (column.filter or np.inf) for column in mapped.columns}  # s at both ends
     for column in mapped.derived:
         blind[column.name] = max(blind[column.of], blind.get(column.minus, 0.0)) + BLIND / (column.filter or np.inf)
-    seen, noise = cut_ends(time, max(blind.values()), source), dict[str, float]()
+    impulse = (np.arange(len(time)) == len(time) // 2).astype(float)
+    white, response = dict[str, float](), dict[str, np.ndarray]()  # noise of the recorded column, what is made of it
     for column in mapped.columns:
-        if column.filter is None:
-            continue
-        raw, where = values[column.name], f"{source}: {column.name}"
-        impulse = (np.arange(len(time)) == len(time) // 2).astype(float)
-        values[column.name], response = (low_pass(time, v, column.filter, where) for v in (raw, impulse))
-        noise[column.name] = fast_noise(fill_gaps(raw), NOISE_ORDER) * float(np.linalg.norm(response))
+        name, both = column.name, (values[column.name], impulse)
+        white[name] = fast_noise(fill_gaps(values[name]), NOISE_ORDER)
+        if column.filter is not None:
+            both = tuple(low_pass(time, one, column.filter, f"{source}: {name}") for one in both)
+        values[name], response[name] = both
+    seen = cut_ends(time, max(blind.values()), source)
     for column in mapped.derived:
         found, unit, where = values[column.of], units[column.of], f"{source}: {column.name}"
+        passed = response[column.of]
         if column.minus:
             if units[column.minus] != unit:
                 raise InputError(f"{where}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}")
@@ -301,15 +302,17 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
                 raise InputError(f"{where}: {column.of} is empty")
             found = np.full(len(found), found[first])
         if column.filter is not None:
-            found = low_pass(time, found, column.filter, where)
+            found, passed = (low_pass(time, one, column.filter, where) for one in (found, passed))
         if column.take == "rate":
             if len(time) < 3:
                 raise InputError(f"{where}: {len(time)} rows, too few for a derivative")
-            found, unit = np.gradient(found, time, edge_order=2), RATES.get(unit, "")
+            found, passed = (np.gradient(one, time, edge_order=2) for one in (found, passed))
+            unit = RATES.get(unit, "")
         unit = read_unit(column.unit).si if column.unit else unit
         if not unit:
             raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit
+        white[column.name], response[column.name] = white[column.of], passed * column.scale
     ours = ((f"{name} [{unit}]", values[name][seen]) for name, unit in units.items())
     log = log_from_columns([("time [s]", time[seen]), *ours], source)
     check_columns(log, log.columns)
@@ -330,6 +333,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         said[column.name] = [", ".join(done)] if done else []
     if not seen.all():
         notes.append(f"{max(blind.values()):.2g} s at both ends left out, where a filter does not know how it goes on")
+    noise = {name: white[name] * float(np.linalg.norm(response[name])) for name in units if blind[name]}
     return Imported(log, (*notes, *merge_notes(said, "")), noise)
 
 
@@ -342,17 +346,6 @@ def cut_ends(time: np.ndarray, width: float, source: str) -> np.ndarray:
         short = f"{time[-1] - time[0]:g} s, too short for a filter that needs {width:.2g} s at both ends"
         raise InputError(f"{source}: {short}")
     return inside
-
-
-def filtered_noise(logs: Collection[Imported], robot: Robot) -> dict[str, float]:
-    """Noise parameters of sensors whose filtered readings are noisier than the robot says -> their noise [SI]."""
-    found = dict[str, float]()
-    for parameter in robot.machine.noise:
-        columns = robot.machine.heard_in(parameter)
-        noise = [log.noise[c] for log in logs if log.noise for c in columns if c in log.noise]
-        if noise and (median := float(np.median(noise))) > robot[parameter]:
-            found[parameter] = median
-    return found
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
@@ -513,12 +506,12 @@ def default_bag_mapping(path: str | Path) -> Mapped:
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
             continue
         commanded = any(word in topic.lower() for word in COMMANDS)
-        for field in fields or ():
-            what, _, joint = field.rstrip("]").partition("[")
+        for one in fields or ():
+            what, _, joint = one.rstrip("]").partition("[")
             if what not in KINDS:
                 continue
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
-            found = Column(f"{topic}:{field}", ours, UNITS[what])
+            found = Column(f"{topic}:{one}", ours, UNITS[what])
             if (other := columns.setdefault(ours, found)) is not found:
                 both = f"{other.of!r} and {found.of!r} are both {ours}"
                 raise InputError(f"{path}: {both}; write a mapping file that takes one of them")

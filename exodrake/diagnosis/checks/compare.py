@@ -21,7 +21,7 @@ from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import reference_rows
 from exodrake.simulation.simulate import run, write_log
 
-SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
+SHORTEST = 50  # frames; at the Exo-Index's 20 ms that is 1 s, longer than the loop's memory
 LONGEST = 90_000  # frames of all logs together, half an hour at 20 ms: beyond, a search takes hours and gigabytes
 REPEATS = 0.01  # of the motion, and of the rows, by which references of repeats may differ (assumed: rounding, jitter)
 NAMED = 3  # columns and files that a sentence names (assumed)

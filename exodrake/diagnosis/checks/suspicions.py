@@ -345,9 +345,14 @@ def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[Channel], 
 def logged_noise(comparison: Comparison) -> dict[str, float]:
     """Noise parameters of sensors that are noisier in the logs than the robot file says -> noise that they show [SI].
 
-    It is white, so that differences of two orders say the same of it, and it is in every channel of every log.
+    It is white, so that differences of two orders say the same of it, and it is in every channel of every log. That of
+    a column that was filtered on import is what the case states.
     """
-    found = {}
+    machine, found = comparison.robot.machine, {}
+    for parameter in machine.noise:
+        stated = [comparison.case.noise[c] for c in machine.heard_in(parameter) if c in comparison.case.noise]
+        if stated and max(stated) > ABOVE * comparison.robot[parameter]:
+            found[parameter] = max(stated)
     for parameter, channels, _, word in compare_noise(comparison):
         high, higher = np.array([[fast_noise(c.measured / c.factor, k) for c in channels] for k in ORDERS])
         noise, least = np.minimum(high, higher), np.array([c.least_noise for c in channels])
@@ -363,8 +368,9 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
 def motion_noise(comparison: Comparison) -> dict[str, float]:
     """Noise parameters of efforts that are predicted from recorded motion -> noise of the predicted ones [SI], RMS.
 
-    That of a position is white. A filter makes the acceleration of it, whose response the spectra of both tell, and the
-    model says what that moves. None of a machine whose motion is not recorded.
+    That of a position is white. A filter makes the acceleration of it, whose response the spectra of both tell where
+    the case does not state its noise, and the model says what that moves. None of a machine whose motion is not
+    recorded.
     """
     machine, pairs = comparison.robot.machine, comparison.pairs
     squares = np.zeros(len(comparison.columns))
@@ -375,10 +381,11 @@ def motion_noise(comparison: Comparison) -> dict[str, float]:
 
     for pair in pairs if machine.motion else ():
         still = predict(pair.reference)
-        for places in machine.motion.values():
+        for joint, places in machine.motion.items():
             moved, (position, acceleration) = pair.reference.copy(), pair.reference.T[places]
-            if noise := fast_noise(position, ORDERS[0]):
-                moved[:, places[1]] += noise * response_rms(position, acceleration)
+            noise = comparison.case.noise.get(f"acceleration_{joint}", 0.0)
+            if noise := noise or fast_noise(position, ORDERS[0]) * response_rms(position, acceleration):
+                moved[:, places[1]] += noise
                 squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(pairs)
     found = list(zip(comparison.columns, np.sqrt(squares).tolist(), strict=True))
     return {p: x for p in machine.noise for c, x in found if x and p.rsplit(".", 1)[-1] == c.rsplit("_", 1)[1]}
