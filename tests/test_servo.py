@@ -241,12 +241,12 @@ def test_a_log_needs_frames_beyond_those_in_which_a_joint_settles(nominal):
     log = exo.simulate(nominal, "random-motion:duration=2.5,seed=1", seed=1)
     cases = [
         Case("brief", {}, (CaseLog(log.rows(slice(0, n)), "motion", "fit", None, "brief.csv"),), nominal.machine.frame)
-        for n in (124, 125)
+        for n in (74, 75)
     ]
-    with pytest.raises(exo.InputError, match=r"brief.csv: 124 frames, a diagnosis needs 125 \(2.5 s\)"):
+    with pytest.raises(exo.InputError, match=r"brief.csv: 74 frames, a diagnosis needs 75 \(1.5 s\)"):
         make_problem(cases[0], nominal)
     (trial,) = make_problem(cases[1], nominal).fit
-    assert np.isfinite(trial.measured).sum(axis=0).tolist() == [100, 100]
+    assert np.isfinite(trial.measured).sum(axis=0).tolist() == [50, 50]
 
 
 def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal, few_cycles, hasty):
