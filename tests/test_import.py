@@ -424,7 +424,7 @@ def test_a_filter_tells_how_much_noise_it_leaves_and_asks_for_a_log_beyond_its_e
     found = convert_table({"t": time, "f": noisy}, mapped, "x")
     left, twice = found.log["effort_J"] - np.sin(found.log.time), Column("effort_J", "effort_K", take="", filter=20.0)
     assert found.noise is not None and found.noise["effort_J"] == pytest.approx(np.std(left), rel=0.1)
-    with pytest.raises(InputError, match="too short for a filter"):
+    with pytest.raises(InputError, match="too short for filters"):
         convert_table({"t": time[:45], "f": noisy[:45]}, replace(mapped, derived=(twice,)), "x")
 
 

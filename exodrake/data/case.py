@@ -312,9 +312,8 @@ def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]
         log |= {"date": None if item.date is None else written_date(item.date)}
         logs.append({key: value for key, value in log.items() if value is not None})
     head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
-    head |= {"robot": plain(case.robot), "period": float(case.period)} | (
-        {"noise": plain(case.noise)} if case.noise else {}
-    )
+    head |= {"robot": plain(case.robot), "period": float(case.period)}
+    head |= {"noise": plain(case.noise)} if case.noise else {}
     text = schema.dump_yaml(head | {"logs": logs})
     contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
     write_folder(folder, contents | {FILE: text.encode()})

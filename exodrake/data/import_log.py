@@ -272,11 +272,11 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     else:
         late = {name for entry in mapped.sync for name in entry["columns"]}  # interpolated on the clock of the others
         time = next(track.time for name, track in ours.items() if name not in late)
-        if not len(time):
-            raise InputError(f"{source}: no rows")
         values = {name: track.values for name, track in ours.items()}
         for name in late:
             values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
+    if not len(time):
+        raise InputError(f"{source}: no rows")
     units = {column.name: read_unit(column.unit).si for column in mapped.columns}
     blind = {column.name: BLIND / (column.filter or np.inf) for column in mapped.columns}  # s at both ends
     for column in mapped.derived:
@@ -289,7 +289,11 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.filter is not None:
             both = tuple(low_pass(time, one, column.filter, f"{source}: {name}") for one in both)
         values[name], response[name] = both
-    seen = cut_ends(time, max(blind.values()), source)
+    ends = max(blind.values())
+    if not (seen := np.minimum(time - time[0], time[-1] - time) >= ends).any():
+        raise InputError(
+            f"{source}: {time[-1] - time[0]:g} s, too short for filters that need {ends:.2g} s at both ends"
+        )
     for column in mapped.derived:
         found, unit, where = values[column.of], units[column.of], f"{source}: {column.name}"
         passed = response[column.of]
@@ -332,20 +336,9 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
             done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
         said[column.name] = [", ".join(done)] if done else []
     if not seen.all():
-        notes.append(f"{max(blind.values()):.2g} s at both ends left out, where a filter does not know how it goes on")
+        notes.append(f"{ends:.2g} s at both ends left out, where a filter does not know how it goes on")
     noise = {name: white[name] * float(np.linalg.norm(response[name])) for name in units if blind[name]}
     return Imported(log, (*notes, *merge_notes(said, "")), noise)
-
-
-def cut_ends(time: np.ndarray, width: float, source: str) -> np.ndarray:
-    """Mask (n,) of the samples further from both ends of a log than `width` [s]; InputError where there is none."""
-    if not width:
-        return np.full(len(time), True)
-    inside = (time >= time[0] + width) & (time <= time[-1] - width)
-    if not inside.any():
-        short = f"{time[-1] - time[0]:g} s, too short for a filter that needs {width:.2g} s at both ends"
-        raise InputError(f"{source}: {short}")
-    return inside
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
