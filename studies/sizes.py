@@ -363,7 +363,8 @@ def page(found: dict[str, dict[str, Any]], command: str) -> str:
 
 
 TEXT = """Faults planted in single joints by closed forms and Euler's method. Right: the planted causes, alone or with
-rivals, and no others; no gap where nothing was planted.
+rivals, and no others; no gap where nothing was planted. Development cases: what they showed wrong was mended. `loop` is
+a pendulum under a PD controller, `arm` one whose efforts are predicted from the counts of an encoder of 12 bits.
 
     {command}"""
 
