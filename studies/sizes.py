@@ -301,8 +301,8 @@ def answer(name: str, sort: str, size: Size, fault: str, work: Path) -> dict[str
         write_text(folder / "arm.urdf", URDF.format(-lever, mass, inertia - mass * lever**2, 100.0 * usual(size)[1]))
     run("new-machine", folder / slug, *options, "--frame", size.frame)
     robot = schema.read_yaml(folder / slug / "robot.yaml")
-    for name, value in machine.stated(size).items():
-        part, key = name.split(".")
+    for parameter, value in machine.stated(size).items():
+        part, key = parameter.split(".")
         robot["parameters"][part].setdefault(key, {"source": "set"})["value"] = value
     write_text(folder / slug / "robot.yaml", schema.dump_yaml(robot))
     if sort == "arm":
