@@ -40,6 +40,9 @@ SEGMENT = 256  # samples of a spectrum: welch's own choice
 ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
 WHITE = 1.2  # ratio of what differences of these orders say of noise that is white (assumed: half of a hunting loop's)
 CHANGED = 0.1  # of the motion, by which repeats differ in gain or offset; lost packets and tremor stay below (assumed)
+CLOSE = 0.5  # distance at which two states count as one, in standard deviations of the motion (assumed)
+SMOOTH = 0.01  # white share up to which a channel tells the state: its noise moves a state by 0.14, less than CLOSE
+APART = 1.5  # motions by which a log differs from the others in like states (assumed)
 LONG = 25  # frames: what lasts shorter is neither a gap nor frozen (assumed: longer than packets are lost in a row)
 ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 SMALL = 0.03  # of the motion: the scatter of nominal parameters; predictions are not trusted further
@@ -385,7 +388,7 @@ def motion_noise(comparison: Comparison) -> dict[str, float]:
                 moved[:, places[1]] += noise
                 squares += np.mean((predict(moved) - still) ** 2, axis=0) / len(pairs)
     found = list(zip(comparison.columns, np.sqrt(squares).tolist(), strict=True))
-    return {p: x for p in machine.noise for c, x in found if x and p.rsplit(".", 1)[-1] == c.rsplit("_", 1)[1]}
+    return {p: x for p in machine.noise for c, x in found if x and c in machine.heard_in(p)}
 
 
 def response_rms(before: np.ndarray, after: np.ndarray) -> float:
@@ -418,6 +421,39 @@ def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
     for (a, b), columns in found.items():
         names = list_few(columns)
         yield f"{names} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
+
+
+def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
+    """A log differs from the others in states that count as one by more than a channel moves.
+
+    Frames are paired by the nearest state. Causes that the diagnosis knows stay below: they act alike in one state, up
+    to its history.
+    """
+    from scipy.spatial import KDTree
+
+    pairs, found = comparison.pairs, defaultdict[str, list[str]](list)  # column -> files
+    reference, measured, nominal = (
+        np.vstack([getattr(p, x) for p in pairs]) for x in ("reference", "measured", "nominal")
+    )
+    log = np.repeat(np.arange(len(pairs)), [len(pair.measured) for pair in pairs])
+    smooth = [i for i, both in enumerate(zip(measured.T, nominal.T)) if max(map(white_share, both)) < SMOOTH]
+    state = np.hstack([reference, nominal[:, smooth]])
+    state = state[:, np.ptp(state, axis=0) > 0.0]
+    if len(pairs) < 2 or not state.shape[1]:
+        return
+    state = state / state.std(axis=0)
+    residual, motion = measured - nominal, np.maximum(measured.std(axis=0), nominal.std(axis=0))
+    for k, pair in enumerate(pairs):
+        mine, others = np.flatnonzero(log == k), np.flatnonzero(log != k)
+        distance, nearest = KDTree(state[others]).query(state[mine], distance_upper_bound=CLOSE)
+        close = np.isfinite(distance)
+        if close.sum() >= 4 * LONG:  # fewer frames are one state, not like motion
+            apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
+            for i in (i for i in smooth if apart[i] > APART * motion[i]):
+                found[comparison.columns[i]].append(pair.item.file)
+    for column, files in found.items():
+        place = f"{column} of {list_few(files)}"
+        yield f"{place} differs from the other logs by more than its motion in like states: another robot?"
 
 
 # column -> how many times as large as usual its error is, and whether by gain, offset or delay alone, in words
@@ -591,5 +627,5 @@ def drifting_clocks(comparison: Comparison) -> Iterator[str]:
 CHECKS: tuple[Callable[[Comparison], Iterable[str]], ...] = (
     nothing_held_out, copied_logs, another_unit, references_beyond_limits, exchanged_columns, gaps, frozen_channels,
     clipped_channels, nothing_moves, bursts, noise_as_large_as_motion, noise_unlike_robot_file,
-    changed_between_repeats, unlike_other_logs, drifting_clocks,
+    changed_between_repeats, logs_of_other_robots, unlike_other_logs, drifting_clocks,
 )  # fmt: skip
