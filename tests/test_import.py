@@ -405,7 +405,17 @@ def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_noth
 
 
 @pytest.mark.parametrize(("frequency", "cutoff"), [(0.3, 10.0), (1.0, 10.0), (0.3, 5.0)])
-def test_a_filtered_acceleration_is_right_up_to_the_ends_of_a_log_that_begins_and_ends_in_motion(frequency, cutoff):
+def test_a_filtered_acceleration_is_right_at_the_ends_of_a_log_that_begins_and_ends_in_motion(frequency, cutoff):
+    time, w = 0.005 * np.arange(1237), 2.0 * np.pi * frequency
+    rates = low_pass(time, np.sin(w * time + 0.4), cutoff, "x")
+    for _ in range(2):
+        rates = np.gradient(rates, time, edge_order=2)
+    wrong = np.abs(rates + w**2 * np.sin(w * time + 0.4)) / w**2
+    assert wrong[2:-2].max() < 0.05 and wrong[20:-20].max() < 0.02
+
+
+@pytest.mark.parametrize(("frequency", "cutoff"), [(0.3, 10.0), (1.0, 10.0), (0.3, 5.0)])
+def test_an_imported_acceleration_is_right_wherever_its_log_is_kept(frequency, cutoff):
     time, w = 0.005 * np.arange(1237), 2.0 * np.pi * frequency
     rates = (Column("position_J", "velocity_J", take="rate"), Column("velocity_J", "twice", take="rate"))
     first = Column("position_J", "position_start_J", take="first")

@@ -281,15 +281,14 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     blind = {column.name: BLIND / (column.filter or np.inf) for column in mapped.columns}  # s at both ends
     for column in mapped.derived:
         blind[column.name] = max(blind[column.of], blind.get(column.minus, 0.0)) + BLIND / (column.filter or np.inf)
-    impulse = (np.arange(len(time)) == len(time) // 2).astype(float)
+    ends, impulse = max(blind.values()), (np.arange(len(time)) == len(time) // 2).astype(float)
     white, response = dict[str, float](), dict[str, np.ndarray]()  # noise of the recorded column, what is made of it
     for column in mapped.columns:
         name, both = column.name, (values[column.name], impulse)
-        white[name] = fast_noise(fill_gaps(values[name]), NOISE_ORDER)
+        white[name] = fast_noise(fill_gaps(values[name]), NOISE_ORDER) if ends else 0.0
         if column.filter is not None:
             both = tuple(low_pass(time, one, column.filter, f"{source}: {name}") for one in both)
         values[name], response[name] = both
-    ends = max(blind.values())
     if not (seen := np.minimum(time - time[0], time[-1] - time) >= ends).any():
         raise InputError(
             f"{source}: {time[-1] - time[0]:g} s, too short for filters that need {ends:.2g} s at both ends"
@@ -304,7 +303,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.take == "first":
             if (first := find_first(np.isfinite(found) & seen)) is None:
                 raise InputError(f"{where}: {column.of} is empty")
-            found = np.full(len(found), found[first])
+            found, passed = np.full(len(found), found[first]), np.zeros(len(found))
         if column.filter is not None:
             found, passed = (low_pass(time, one, column.filter, where) for one in (found, passed))
         if column.take == "rate":
@@ -338,7 +337,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     if not seen.all():
         notes.append(f"{ends:.2g} s at both ends left out, where a filter does not know how it goes on")
     noise = {name: white[name] * float(np.linalg.norm(response[name])) for name in units if blind[name]}
-    return Imported(log, (*notes, *merge_notes(said, "")), noise)
+    return Imported(log, (*notes, *merge_notes(said, "")), {name: std for name, std in noise.items() if std})
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
