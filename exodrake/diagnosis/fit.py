@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -36,7 +34,7 @@ HALF = 0.5  # of the best gain after two steps, with which a fit goes on
 VISIBLE = 0.5  # standard deviations of all samples together by which a tolerance shows: a tenth of a nat. Assumed
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Explanation:
     """A set of effects with its fitted robot."""
 
@@ -46,6 +44,7 @@ class Explanation:
     values: np.ndarray  # (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0
     residual: np.ndarray  # (samples,) whitened [noise_std]
     jacobian: np.ndarray  # (nominal, samples) derivatives by the nominal parameters nearby
+    columns: np.ndarray | None = None  # (others, samples) the same by those of its effects, once they were simulated
 
     @property
     def robot(self) -> np.ndarray:
@@ -103,17 +102,7 @@ class Explanation:
         """The explanation at several coordinates x (parameters,), simulated at once."""
         residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
         moved = zip(points, residuals, strict=True)
-        return [replace(self, x=x, residual=residual) for x, residual in moved]
-
-    def change(self, **fields: Any) -> Explanation:
-        """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
-        found = replace(self, **fields)
-        if self in COLUMNS:
-            COLUMNS[found] = COLUMNS[self]
-        return found
-
-
-COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
+        return [replace(self, x=x, residual=residual, columns=None) for x, residual in moved]
 
 
 def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
@@ -121,15 +110,15 @@ def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
 
     Those by the effects, away from the nearer bound, are simulated once.
     """
-    if here not in COLUMNS:
+    if here.columns is None:
         steps, rows = [], []
         for i, p in enumerate(here.parameters[here.nominal :], start=here.nominal):
             step, moved = STEP * p.scale, here.x.copy()
             steps.append(-step if here.x[i] + step > p.bounds[1] else step)
             moved[i] += steps[-1]
             rows.append(apply(here.values, here.parameters, moved))
-        COLUMNS[here] = likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
-    return np.concatenate([here.jacobian, COLUMNS[here]])
+        here.columns = likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
+    return np.concatenate([here.jacobian, here.columns])
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +205,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
             known = np.concatenate([here.jacobian, columns[here.nominal :]])
             jacobian = correct_jacobian(here, trial, here.residual + (trial.x - here.x) @ known)
             better = waiting & (groups.costs(likelihood, trial) < before)
-            found, here = groups.merge(likelihood, found, trial, better), here.change(jacobian=jacobian)
+            found, here = groups.merge(likelihood, found, trial, better), replace(here, jacobian=jacobian)
             found = replace(found, jacobian=jacobian)
             waiting &= ~better
             if not waiting.any():
@@ -229,7 +218,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
                 return begun
             if waiting.all():
                 return here
-            COLUMNS[found] = columns[found.nominal :]
+            found.columns = columns[found.nominal :]
             break
     return found
 
@@ -287,7 +276,7 @@ def renew(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None
     likelihood, jacobian = likelihood.scaled_to(e.residual), e.jacobian.copy()
     seen = e.find_visible(likelihood) if seen is None else seen
     jacobian[seen] = nominal_jacobian(likelihood, e, seen)
-    return e.change(jacobian=jacobian)
+    return replace(e, jacobian=jacobian)
 
 
 def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:

@@ -197,7 +197,7 @@ def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
     By all of them twice, then by those that show.
     """
     likelihood = likelihood.for_stage("retune")
-    e = e.change(jacobian=nominal_jacobian(likelihood, e))
+    e = replace(e, jacobian=nominal_jacobian(likelihood, e))
     for k in range(ROUNDS):
         before = likelihood.mean_log(e.residual)
         seen = np.full(e.nominal, True) if k == 1 else None

@@ -20,7 +20,6 @@ import numpy as np
 from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
-    COLUMNS,
     HALF,
     LESS,
     ROUGH,
@@ -464,7 +463,7 @@ class Search:
         e, likelihood = fitted.explanation, self.longest
         kept = np.array([p not in gone for p in e.parameters])
         start = replace(e, parameters=tuple(p for p in e.parameters if p not in gone)).at(likelihood, e.x[kept])
-        COLUMNS[start] = COLUMNS[e][kept[e.nominal :]]
+        start.columns = whole_jacobian(likelihood, e)[e.nominal :][kept[e.nominal :]]
         return finish(likelihood.with_memory(start.residual), start)
 
     def is_negligible(self, fitted: Fitted) -> bool:
@@ -616,9 +615,7 @@ def finish(likelihood: Likelihood, start: Explanation) -> Fitted:
         leap = linear_model(likelihood, e).posterior().step
         further = minimise(likelihood, e.at(likelihood, np.clip(e.x + leap, *e.bounds)))
         e = min(e, further, key=lambda one: one.cost(likelihood))
-    e = replace(e, jacobian=start.jacobian)
-    COLUMNS[e] = COLUMNS[start]
-    return Fitted.at(likelihood, e)
+    return Fitted.at(likelihood, replace(e, jacobian=start.jacobian, columns=start.columns))
 
 
 def screen(

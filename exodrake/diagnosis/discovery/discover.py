@@ -215,7 +215,7 @@ def discover(found: Isolation, progress: StageProgress = no_progress, blocks: Co
     fits, tried = list[LawFit](), dict[str, int]()
     for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
         parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
-        base = e.change(parameters=parameters, values=law_code.values_on(e.values, bare, machine))
+        base = replace(e, parameters=parameters, values=law_code.values_on(e.values, bare, machine))
         scaled, candidates = likelihood.scaled_to(e.residual), list_candidates(whole, base.robot, laws)
         tried[base.name] = len(candidates)
         fits += fit_best(side_by_side([partial(screen, scaled, base, candidate) for candidate in candidates]), progress)
