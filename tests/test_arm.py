@@ -107,6 +107,18 @@ def test_compiled_inverse_dynamics_agree_with_a_plant_of_the_same_robot(inverse)
         assert efforts == pytest.approx(dynamics(plant, *state)[0], abs=1e-9)
 
 
+def test_a_lighter_link_is_a_body_of_another_density(arm_folder, tmp_path):
+    """Mass and inertia are those of a URDF file with 0.4 of both."""
+    text, motion, efforts = PENDULUM.format(0.3, 0.02), states(8, 1), {}
+    light = text.replace('<mass value="1"/>', '<mass value="0.4"/>').replace('"0.02"', '"0.008"')
+    for name, written in (("stated", text), ("light", light)):
+        (tmp_path / f"{name}.urdf").write_text(written)
+        robot = made(arm_folder, f"{name}_bob", "--urdf", tmp_path / f"{name}.urdf")
+        robot = robot.splice("arm.link_mass", {"share": -0.6}) if name == "stated" else robot
+        efforts[name] = record(robot, Reference(motion.reshape(8, 3)), seed=None).signals["effort"]
+    assert efforts["stated"] == pytest.approx(efforts["light"], abs=1e-12)
+
+
 @pytest.mark.parametrize("frames", [-2.5, -1.0, 0.7])
 def test_an_effort_is_logged_late_or_its_motion_is(inverse, frames):
     """In one joint, by a cubic spline through the efforts of a motion whose fastest line has 60 rows a period."""

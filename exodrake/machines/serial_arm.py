@@ -256,11 +256,12 @@ def mechanism(robot: Robot) -> Mechanism:
 
     chain, bodies, drives, notes = [], [], [], []
     for j in joints:
-        mass = robot[f"arm.mass.{j}"] * (1.0 + value(f"arm.link_mass.share.{j}"))
+        heavier = 1.0 + value(f"arm.link_mass.share.{j}")
+        mass = heavier * robot[f"arm.mass.{j}"]
         tensor = np.zeros((3, 3))
         tensor[np.triu_indices(3)] = vector("arm", j, "xx", "xy", "xz", "yy", "yz", "zz")
         centre = vector("arm", j, "com_x", "com_y", "com_z")
-        bodies.append(Body(mass, centre, tensor + np.triu(tensor, 1).T))
+        bodies.append(Body(mass, centre, heavier * (tensor + np.triu(tensor, 1).T)))
         ratio = value(f"cable.ratio.{j}", 1.0) or 1.0  # of a cable arm the motor's side counts by ratio
         motor = value(f"motor.torque_constant.{j}") * value(f"motor.ratio.{j}") * value(f"motor.current_max.{j}")
         low, high = value(f"arm.stop_low.{j}", -FAR), value(f"arm.stop_high.{j}", FAR)

@@ -226,12 +226,15 @@ def link(x, z, n, e, j, count, q):
 def body(x, n, j, count, q, mass, payload):
     """Place and inertia of link j with this mass, and payload at the tip [kg].
 
+    Its centre stays and its inertia about that grows with the mass, as of a body of another density.
     For any part whose parameters begin with those of `parameters_with`, such as a controller with a model of the arm.
     """
     origin, angles = (n.x[j], n.y[j], n.z[j]), (n.roll[j], n.pitch[j], n.yaw[j])
     place(x, j, origin, angles, (n.axis_x[j], n.axis_y[j], n.axis_z[j]), n.sliding[j], q)
     centre = (n.com_x[j], n.com_y[j], n.com_z[j])
-    load(x, j, mass, centre, (n.xx[j], n.xy[j], n.xz[j], n.yy[j], n.yz[j], n.zz[j]))
+    s = mass / n.mass[j] if n.mass[j] > 0.0 else 1.0
+    inertia = (s * n.xx[j], s * n.xy[j], s * n.xz[j], s * n.yy[j], s * n.yz[j], s * n.zz[j])
+    load(x, j, mass, centre, inertia)
     if j == count - 1:
         add_point(x, j, payload, in_base(x, j, (n.tip_x, n.tip_y, n.tip_z)))
 
