@@ -252,7 +252,7 @@ SORTS = {
         "delay": (lambda size: min(max(2.0 * size.frame, 0.008), 0.02), ({"delay"},)),
         "dry and viscous friction": (lambda size: 0.25, ({"dry friction"}, {"viscous friction"})),
         "dry friction and offset": (lambda size: 0.3, ({"dry friction"}, {"offset"})),
-        "light link and viscous friction": (lambda size: 0.4, ({"inertia"}, {"viscous friction"})),
+        "light link and viscous friction": (lambda size: 0.55, ({"inertia", "gain"}, {"viscous friction"})),
     }, pendulum, {"position": "rad", "effort": "N m"}, RATES),
     "loop": Sort(("--urdf", "arm.urdf", "--form", "closed-loop"), {
         "500 Hz": Size(0.002, 0.8, 3.0, 8.0, 2e-5, {"inertia": 0.05, "moment": 0.5, "rate": 20.0}),
