@@ -69,10 +69,10 @@ JOINT_COMPLIANCE = Effect(
 LINK_MASS = Effect(
     id="arm.link_mass", summary="mass of a link other than stated", family="inertia",
     signature="efforts of gravity and acceleration off on this joint and on those before it",
-    source="CAD masses lack cables and covers, 5-50 %; inertia by mass as in domain randomisation; range assumed",
+    source="CAD masses lack cables and covers, 5-50 %; inertia alike as in domain randomisation; range: half of none",
     at={"arm.weighed": scale},
     formula="m_j = (1 + share) m          its centre stays, its inertia about that grows alike",
-    parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=1.0, default=0.2),),
+    parameters=(per_joint("share", "-", null=0.0, low=-0.45, high=1.0, default=0.2),),
 )  # fmt: skip
 PAYLOAD = Effect(
     id="arm.payload", summary="a mass at the tip", family="inertia",
