@@ -264,7 +264,7 @@ SORTS = {
         "damping": (lambda size: 0.3 * usual(size)[1] / usual(size)[0], ({"viscous friction"},)),
         "inertia": (lambda size: 0.6, ({"inertia"},)), "gain": (lambda size: 0.2, ({"torque.gain"},)),
         "loop gain": (lambda size: -0.3, ({"arm_drive.position_gain"},)),
-        "torque": (lambda size: -0.2, ({"gear_motor.torque_gain"},)),
+        "torque": (lambda size: -0.2, ({"gear_motor.torque_gain", "arm.link_mass"},)),  # or 1.25 of the mass
         "delay": (lambda size: 4.0, ({"delay"},)), "offset": (lambda size: 0.06, ({"arm.encoder_offset"},)),
     }, driven, {"position_ref": "rad", "position": "rad", "effort": "N m"}, {
         "position_start_axis": {"of": "position_axis", "take": "first"},
