@@ -438,6 +438,20 @@ def test_a_filter_tells_how_much_noise_it_leaves_and_asks_for_a_log_beyond_its_e
         convert_table({"t": time[:45], "f": noisy[:45]}, replace(mapped, derived=(twice,)), "x")
 
 
+def test_a_case_of_a_log_in_motion_and_one_at_rest_states_the_noise_that_filters_leave(tmp_path):
+    time, rng = 0.02 * np.arange(400), np.random.default_rng(0)
+    for name, moving in (("moving", 1.0), ("again", 1.0), ("rest", 0.0)):
+        angle = moving * (np.sin(time) + 0.01 * rng.standard_normal(400))
+        np.savetxt(tmp_path / f"{name}.csv", np.c_[time, angle, 0.0 * time], delimiter=",", header="t,q,f", comments="")
+    named = {"q": "angle_J", "f": "zero_J"}
+    columns = {key: {"name": name, "unit": "rad", "filter": 5.0} for key, name in named.items()}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"time": {"column": "t", "unit": "s"}, "columns": columns}))
+    files = [tmp_path / f"{name}.csv" for name in ("moving", "again", "rest")]
+    assert run("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "case").exit_code == 0
+    noise = yaml.safe_load((tmp_path / "case" / "case.yaml").read_text())["noise"]
+    assert list(noise) == ["angle_J"] and noise["angle_J"] == pytest.approx(0.01 * np.sqrt(2 * 5.0 * 0.02), rel=0.3)
+
+
 @pytest.mark.parametrize(("step", "jitter"), [(0.0013, 0.0), (0.002, 3e-4)])
 def test_an_acceleration_is_right_where_the_clock_is_no_whole_number_of_samples_a_frame(step, jitter):
     """Of sin(w t), but for a shift of less than a frame that all columns have."""

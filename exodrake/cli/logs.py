@@ -219,6 +219,7 @@ def import_recordings(context, recordings, map_file, unit, episodes, out) -> obj
             click.echo(f"note: a row every {period:g} s, a frame of {machine} has {frame:g} s: state period: {frame:g}")
         notes = {item.file: logs[item.protocol].notes for item in items}
         noise = {c: median(item.noise[c] for item in logs.values()) for c in first.noise}
+        noise = {column: std for column, std in noise.items() if std > 0.0}
         exo.write_case(exo.Case(out.resolve().name, {}, items, period, noise=noise), out, notes)
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""

@@ -337,7 +337,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     if not seen.all():
         notes.append(f"{ends:.2g} s at both ends left out, where a filter does not know how it goes on")
     noise = {name: white[name] * float(np.linalg.norm(response[name])) for name in units if blind[name]}
-    return Imported(log, (*notes, *merge_notes(said, "")), {name: std for name, std in noise.items() if std})
+    return Imported(log, (*notes, *merge_notes(said, "")), noise)
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
