@@ -69,7 +69,8 @@ def extended(likelihood: Likelihood, point: Explanation, identity: str) -> Expla
 def converged(likelihood: Likelihood, point: Explanation) -> Explanation:
     """A fit with new Jacobians of the nominal parameters until it gains no more."""
     for _ in range(ROUNDS):
-        better = minimise(likelihood, replace(point, jacobian=nominal_jacobian(likelihood, point)), STEPS, TOL)
+        point = replace(point, jacobian=nominal_jacobian(likelihood, point), columns=None)
+        better = minimise(likelihood, point, STEPS, TOL)
         if better.cost(likelihood) > (1.0 - TOL) * point.cost(likelihood):
             return better
         point = better
