@@ -136,14 +136,28 @@ def test_a_cable_arm_follows_its_references(arm):
         assert np.std(error) < 0.05 * np.std(log[f"position_ref_{joint}"])
 
 
-def test_coupling_error_and_play_of_two_joints_are_named(arm):
-    worn = arm.splice("cable.coupling_to_previous", {"share": 0.1}, ["B"])
-    worn = worn.splice("cable.backlash", {"half_width": 0.02}, ["A"])
+def diagnosed(worn, arm):
+    """The answer on two motions of a robot, the second one held out, and its causes: effect -> joints, value."""
     logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=4,seed={k}", worn), seed=k) for k in range(2)]
     items = tuple(CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout")))
     found = exo.diagnose(Case("injected", {}, items, arm.machine.frame), arm)
     assert found.verdict == "NAMED", found.reasons
-    named = {effect.id: tuple(effect.joints) for effect in found.effects if effect.role == "cause"}
-    assert named == {"cable.coupling_to_previous": ("B",), "cable.backlash": ("A",)}
-    sizes = {effect.id: next(iter(effect.parameters.values())).value for effect in found.effects if effect.id in named}
+    causes = [effect for effect in found.effects if effect.role == "cause"]
+    return {e.id: (tuple(e.joints), next(iter(e.parameters.values())).value) for e in causes}
+
+
+def test_coupling_error_and_play_of_two_joints_are_named(arm):
+    worn = arm.splice("cable.coupling_to_previous", {"share": 0.1}, ["B"])
+    found = diagnosed(worn.splice("cable.backlash", {"half_width": 0.02}, ["A"]), arm)
+    assert {name: joints for name, (joints, _) in found.items()} == {
+        "cable.coupling_to_previous": ("B",), "cable.backlash": ("A",),
+    }  # fmt: skip
+    sizes = {name: value for name, (_, value) in found.items()}
     assert sizes == pytest.approx({"cable.coupling_to_previous": 0.1, "cable.backlash": 0.02}, rel=0.05)
+
+
+@pytest.mark.parametrize("effect, force", [("arm.coulomb_friction", 0.3), ("cable.coulomb_friction", 0.015)])
+def test_friction_of_a_joint_is_told_from_that_of_its_motor(arm, effect, force):
+    """Both brake alike, but the cable stretches by the friction of the joint alone."""
+    found = diagnosed(arm.splice(effect, {"force": force}, ["B"]), arm)
+    assert found == {effect: (("B",), pytest.approx(force, rel=0.1))}

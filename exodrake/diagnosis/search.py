@@ -376,7 +376,7 @@ class Search:
         self.progress(Stage.FIT, e.name)
         left = self.measure_left(self.sets[key]) * (HALF if key else 1.0 - LARGE)
         most = 2 * fitted if far else fitted
-        for at in range(0, most if key else len(new), fitted):
+        for at in range(0, most if key or place else len(new), max(fitted, 1)):
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
             if any(self.measure_left(f) < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
@@ -398,8 +398,7 @@ class Search:
         Unless it leaves so much of what the one takes up that a cause would be lacking.
         """
         rest = best.effects - {effect}
-        if rest:
-            self.expand(rest, place=effect)
+        self.expand(rest, FITTED if rest else 0, place=effect)
         others = [f for f in self.find_replacements(best, effect).values() if self.usable(f)]
         if not others:
             return

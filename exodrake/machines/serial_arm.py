@@ -23,7 +23,7 @@ import numpy as np
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.schema import mapping, number, quote, text
-from exodrake.effects import collect_effects, friction
+from exodrake.effects import collect_effects
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Delay, Output, Part, Signal, Task
@@ -165,10 +165,6 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
         *(reading(sensor, signal, seen, slot, frame, size, count) for sensor, signal, slot, size in readings),
         arm_drive.part(3, unit),
     )
-    rubbing = tuple(
-        e.id for e in collect_effects(parts)
-        if e.id.startswith("arm.") and all(law.__module__ == friction.__name__ for law in e.at.values())
-    )  # fmt: skip
     kinds = {"position": "position", "position_read": "position", "link_position": "position", "effort_ref": "effort"}
     kinds |= {"link_position_read": "position", "effort_true": "effort", "link_start": "position"}
     inner = {signal: unit[kind] for signal, kind in kinds.items()}  # of joints, then of motors
@@ -179,7 +175,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     seen_as = dict(zip((position.kind, *list(SENSORS)[1:]), SENSORS.values(), strict=True))  # kind of column -> sensor
     return make_machine(
         name, chain, frame, parts, seen_as,
-        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *noise(*SENSORS)),
+        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *OF_CABLES), (*given, *noise(*SENSORS)),
         tuple(Signal(signal, u, JOINTS) for signal, u in inner.items()),
         (*asked, replace(position, required=False), *COLUMNS), slots=6,
         segments=(
