@@ -49,6 +49,7 @@ GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
+TINY = 1e-4  # share of the gap beyond retuning, a hundredth of it by RMS: less left is not looked into; assumed
 FAR = 1.0  # noise variances: a set that leaves more leaves much
 ALL = slice(None)  # logs
 PAIRS = "pairs"  # in the place of an effect's id, where two were tried beside a set
@@ -533,7 +534,9 @@ class Search:
                 self.exchange(best, effect)
             if self.best.effects != best.effects:
                 continue
-            if len(best.effects) < most and not self.is_negligible(best):
+            if self.measure_left(best) < TINY or self.is_negligible(best):
+                break
+            if len(best.effects) < most:
                 self.expand(best.effects)
             if self.best.effects == best.effects and not self.look_further(best, most):
                 break
